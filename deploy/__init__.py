@@ -1,0 +1,1 @@
+"""Ways to bring a robot up, and to look at what it did."""

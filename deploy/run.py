@@ -1,0 +1,96 @@
+"""One run, in processes or in the twin, from a scenario to a folder with its results."""
+
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+
+from deploy.processes import SPOOL, Processes, RunFailedError, Watch
+from deploy.rigs import NoPortsError, claim
+from deploy.twin import Twin
+from plant_server.record import fall_line
+from plant_server.spool import SpoolWriter
+from protocol.exit_codes import ExitCode
+from protocol.process import StoppedError
+from protocol.scenario import ResolvedScenario
+
+SUMMARY = "summary.json"
+RUNS = Path("runs")
+
+
+def new_folder(out: Path | None, name: str) -> Path:
+    """Make the folder for a run's results. Raises `RunFailedError` if that cannot be."""
+    folder = out or RUNS
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if out is None:
+            folder = _folder_of_its_own(f"{name}-{time.strftime('%Y%m%d-%H%M%S')}")
+        if any(folder.iterdir()):
+            raise RunFailedError(
+                ExitCode.NO_OUTPUT, f"{folder} is not empty; choose another folder with --out"
+            )
+        (folder / SPOOL).touch()
+        (folder / SPOOL).unlink()
+    except OSError as error:
+        raise RunFailedError(
+            ExitCode.NO_OUTPUT, f"cannot write to {folder}: {error.strerror}; choose another --out"
+        ) from error
+    return folder
+
+
+def _folder_of_its_own(name: str) -> Path:
+    """Make a folder that nobody else has, also when another run begins in the same second."""
+    for number in count(1):
+        folder = RUNS / (name if number == 1 else f"{name}-{number}")
+        with suppress(FileExistsError):
+            folder.mkdir()
+            return folder
+    raise AssertionError("numbers have no end")
+
+
+def run(
+    scenario: ResolvedScenario,
+    folder: Path,
+    *,
+    twin: bool,
+    watch: Watch,
+    plant_options: Sequence[str] = (),
+) -> int:
+    """Run a scenario and leave its spool in `folder`; return the exit code of the run.
+
+    Raises `RunFailedError` when it could not be run to an end of its own.
+    """
+    if twin:
+        return _run_twin(scenario, folder, watch)
+    try:
+        with (
+            claim(scenario, folder) as placed,
+            Processes(placed, folder, watch, plant_options) as processes,
+        ):
+            return processes.wait()
+    except NoPortsError as error:
+        raise RunFailedError(ExitCode.NO_NETWORK, str(error)) from error
+
+
+def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
+    twin = Twin(scenario)
+    spool = SpoolWriter(folder / SPOOL, scenario.values)
+    started = time.monotonic()
+    stopped = None
+    try:
+        for record in twin.run():
+            if record.tick == 0:
+                started = time.monotonic()
+            spool.append(record)
+            watch.on_tick(record.tick)
+    except StoppedError:
+        stopped = "stopped"
+    outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
+    spool.close(outcome)
+    if stopped is not None:
+        raise StoppedError
+    if not twin.lockstep.body.fallen:
+        return ExitCode.OK
+    watch.on_line(fall_line(outcome, scenario.values["run"]["tick_s"]))
+    return ExitCode.FELL

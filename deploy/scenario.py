@@ -1,0 +1,205 @@
+"""Scenarios: a TOML file in, every value checked and filled in, out.
+
+What a user writes has units in its names; what plant and boards read is in SI and whole ticks.
+Every complaint names the file and the path of the key, and all of them come at once. What a file
+may say is in `deploy.scenario_tables`.
+"""
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from deploy.event_tables import commands, merged_links
+from deploy.scenario_tables import BoardTable, Scenario, body_of, misfits
+from deploy.ticks import whole_ticks
+from protocol.scenario import ResolvedScenario, ScenarioError, resolved
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+EXTENDS_MAX = 8
+
+
+def available() -> list[str]:
+    """Names of the scenarios that come with decmesh."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+
+
+def load(source: str, overrides: list[str] | None = None) -> ResolvedScenario:
+    """Read a scenario by name or path, apply `key=value` overrides, check and resolve it.
+
+    Raises `ScenarioError` with every complaint, one a line.
+    """
+    path = _find(source)
+    tree = _read(path)
+    complaints = [line for override in overrides or [] for line in _apply(tree, override)]
+    scenario = None
+    try:
+        scenario = Scenario.model_validate(tree)
+    except ValidationError as error:
+        complaints += (f"{path}: {line}" for line in _complaints(error))
+    complaints += (f"{path}: {line}" for line in misfits(tree))
+    if complaints:
+        raise ScenarioError("\n".join(complaints))
+    assert scenario is not None
+    return resolved(_resolve(path.stem, scenario))
+
+
+def _read(path: Path, depth: int = 0) -> dict[str, Any]:
+    """Read a file, and below it what it extends."""
+    try:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{path}: not TOML: {error}") from error
+    below = tree.get("extends")
+    if not isinstance(below, str):
+        return tree
+    if depth == EXTENDS_MAX:
+        raise ScenarioError(f"{path}: extends: goes round in circles")
+    return _merged(_read(_find(below), depth + 1), tree)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Put one tree over another: tables are merged, anything else is replaced."""
+    merged = dict(below)
+    for key, value in above.items():
+        old = merged.get(key)
+        both = isinstance(old, dict) and isinstance(value, dict)
+        merged[key] = _merged(old, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
+def _find(source: str) -> Path:
+    if source.endswith(".toml") or "/" in source:
+        path = Path(source)
+        if not path.is_file():
+            raise ScenarioError(f"{source}: no such file")
+        return path
+    path = SCENARIOS / f"{source}.toml"
+    if not path.is_file():
+        raise ScenarioError(f"{source}: no such scenario; {_hint(source, available())}")
+    return path
+
+
+def _apply(tree: dict[str, Any], override: str) -> Iterator[str]:
+    """Set one value by its path, such as `board.0.servo.kp_nm_rad=400`; complain if it cannot."""
+    path, separator, text = (part.strip() for part in override.partition("="))
+    if not separator:
+        yield f"--set {override}: expected key=value, such as run.duration_s=2"
+        return
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *parents, last = path.split(".")
+    place: Any = tree
+    try:
+        for key in parents:
+            place = place[int(key)] if isinstance(place, list) else place.setdefault(key, {})
+        place[int(last) if isinstance(place, list) else last] = value
+    except (IndexError, ValueError, TypeError, AttributeError):
+        yield f"--set {override}: there is no {path!r} to set"
+
+
+def _complaints(error: ValidationError) -> Iterator[str]:
+    for issue in error.errors():
+        path = ".".join(map(str, issue["loc"]))
+        message = issue["msg"].removeprefix("Value error, ")
+        if issue["type"] == "extra_forbidden":
+            *parents, key = issue["loc"]
+            message = f"unknown key; {_hint(str(key), _keys_at(parents))}"
+        yield f"{path}: {message[0].lower()}{message[1:]}"
+
+
+def _keys_at(path: Sequence[str | int]) -> list[str]:
+    """Keys of the table that a path leads to, such as `board.0.servo` or `event.0.cut`."""
+    tables: list[type[BaseModel]] = [Scenario]
+    for key in path:
+        fields = [table.model_fields[str(key)] for table in tables if key in table.model_fields]
+        if fields:
+            tables = [inner for field in fields for inner in _tables_in(field.annotation)]
+        elif isinstance(key, str):  # It tells which of several tables this one is.
+            tables = [table for table in tables if _is_called(table, key)]
+    return list(dict.fromkeys(key for table in tables for key in table.model_fields))
+
+
+def _tables_in(kind: Any) -> list[type[BaseModel]]:
+    """Tables that a type is made of: itself, or those of a list or a choice."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        return [kind]
+    return [table for inner in get_args(kind) for table in _tables_in(inner)]
+
+
+def _is_called(table: type[BaseModel], name: str) -> bool:
+    return any(name in get_args(field.annotation) for field in table.model_fields.values())
+
+
+def _hint(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(known)}"
+
+
+def _resolve(name: str, scenario: Scenario) -> dict[str, Any]:
+    """Fill everything in, in SI units and ticks."""
+    run, election = scenario.run, scenario.election
+    body = body_of(run, scenario.board)
+    standing = merged_links(scenario.link, body)
+    events = [entry for event in scenario.event for entry in commands(event, standing, body)]
+    tick_s = run.tick_ms / 1e3
+    return {
+        "name": name,
+        "description": scenario.description,
+        "run": {
+            "seed": run.seed,
+            "ticks": whole_ticks(run.duration_s * 1e3, run.tick_ms),
+            "tick_s": tick_s,
+            "substeps": run.substeps,
+            "fallen_below": run.fallen_below,
+        },
+        "rig": scenario.rig.model_dump(),
+        "election": {
+            "enabled": election.enabled,
+            "period_ticks": whole_ticks(election.period_s * 1e3, run.tick_ms),
+            "rounds": election.rounds,
+            "disabled_holds": election.disabled_holds,
+            "incomplete": election.incomplete,
+        },
+        "link": standing,
+        "event": sorted(map(list, events), key=lambda entry: entry[0]),
+        "board": [_resolve_board(board, scenario) for board in scenario.board],
+        "link_names": [board.link.name for board in scenario.board],
+    }
+
+
+def _resolve_board(board: BoardTable, scenario: Scenario) -> dict[str, Any]:
+    servo, link = board.servo, board.link
+    slender = link.mass_kg * link.length_m**2 / 12.0
+    return {
+        "joint": board.joint,
+        "controls": board.controls,
+        "reference_rad": math.radians(board.reference_deg),
+        "initial_rad": math.radians(board.initial_deg),
+        "lumped_delay_ticks": whole_ticks(board.lumped_delay_ms, scenario.run.tick_ms),
+        "imu": board.imu,
+        "force_plate": board.force_plate,
+        "servo": {
+            "kp_nm_rad": servo.kp_nm_rad,
+            "kd_nm_s_rad": servo.kd_nm_s_rad,
+            "ki_nm_rad_s": servo.ki_per_s * servo.kp_nm_rad,
+            "g_servo": servo.g_servo,
+            "gravity_weight": servo.gravity_weight,
+            "torque_limit_nm": servo.torque_limit_nm,
+        },
+        "unattended": (board.unattended or scenario.unattended).model_dump(),
+        "link": {
+            "mass_kg": link.mass_kg,
+            "length_m": link.length_m,
+            "com_m": link.com_m,
+            "inertia_kg_m2": slender if link.inertia_kg_m2 is None else link.inertia_kg_m2,
+        },
+    }

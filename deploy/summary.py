@@ -1,0 +1,97 @@
+"""A run in one JSON object: what was run, what came out, and with which versions.
+
+`summary` gives
+
+    scenario, seed, mode, controller        which run: name; "processes" or "twin"; "original" (all
+                                            boards move) or "distributed" (one is elected)
+    ending, ticks, simulated_s              why it ended, after how many ticks, and their time
+    wall_s, ticks_per_s                     how long that took
+    state_sha256                            digest of the motion, to the bit (S20)
+    indices.{TS, KNEE, BS, ...}             overshoot_deg, rise_s, rise_90_s, settling_paper_s,
+                                            settling_band_s of each controlled variable
+    energy_j                                positive, absolute, net
+    consensus                               null without elections; else epochs,
+                                            rounds_to_agreement {"0": ..., "never": ...},
+                                            enabled_0, enabled_1, enabled_2_or_more (epochs that
+                                            ended with so many boards enabled)
+    versions                                python, decmesh, zenoh, numpy
+
+`deploy.indices` defines the numbers. What never happened, or is no number, is null.
+"""
+
+import json
+import os
+import platform
+import tempfile
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+from deploy.indices import all_indices, elections, energy
+from deploy.trajectory import Trajectory
+
+Summary = dict[str, Any]
+Mode = Literal["processes", "twin"]
+
+DISTRIBUTIONS = {"decmesh": "decmesh", "zenoh": "eclipse-zenoh", "numpy": "numpy"}
+
+
+def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
+    """Sum up a run; the page above lists the keys."""
+    scenario, wall_s = trajectory.scenario, trajectory.wall_s
+    agreed = elections(trajectory)
+    values = {
+        "scenario": scenario["name"],
+        "seed": scenario["run"]["seed"],
+        "mode": mode,
+        "controller": "distributed" if scenario["election"]["enabled"] else "original",
+        "ending": trajectory.ending,
+        "ticks": trajectory.ticks,
+        "simulated_s": trajectory.ticks * trajectory.tick_s,
+        "wall_s": wall_s,
+        "ticks_per_s": trajectory.ticks / wall_s if wall_s > 0.0 else None,
+        "state_sha256": trajectory.state_sha256,
+        "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
+        "energy_j": energy(trajectory)._asdict(),
+        "consensus": agreed and agreed._asdict(),
+        "versions": versions(),
+    }
+    finite: Summary = _finite(values)
+    return finite
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of what a trajectory depends on; None for what is not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for name, distribution in DISTRIBUTIONS.items():
+        try:
+            found[name] = version(distribution)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
+
+
+def write_summary(path: Path, values: Summary) -> None:
+    """Write a summary as JSON, whole or not at all. Raises OSError."""
+    text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    with tempfile.NamedTemporaryFile(
+        "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
+    ) as file:
+        unfinished = Path(file.name)
+        try:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+            unfinished.chmod(0o644)  # Temporary files are private; this one is a result.
+            unfinished.replace(path)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+
+
+def _finite(value: Any) -> Any:
+    """The same values with None in place of every float that JSON cannot write."""
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    return None if isinstance(value, float) and not isfinite(value) else value

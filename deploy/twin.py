@@ -1,0 +1,81 @@
+"""The twin: the same boards and the same plant in one process, exchanging the same bytes.
+
+A board cannot tell whether its frames came over Zenoh or from here, so the trajectory is the same
+to the bit, and a run can be studied in a debugger.
+"""
+
+import time
+from collections.abc import Iterator
+
+from module_agent.board import Board
+from module_agent.config import board_config
+from plant_server.config import plant_config
+from plant_server.lockstep import Lockstep
+from plant_server.record import Outcome, TickRecord
+from protocol.scenario import ResolvedScenario, run_id
+
+
+class Twin:
+    """One robot in one process."""
+
+    def __init__(self, scenario: ResolvedScenario) -> None:
+        self.scenario = scenario
+        self.run_id = run_id(scenario.digest)
+        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
+        self.boards: list[Board | None] = [None] * len(scenario.joints)
+        self._incarnations = [0] * len(scenario.joints)
+        for board in range(len(scenario.joints)):
+            self._plug(board)
+
+    def tick(self) -> TickRecord:
+        """Play one tick of all processes, in an order that no board can notice."""
+        lockstep = self.lockstep
+        match lockstep.begin():
+            case ["unplug", int(board)]:
+                self.boards[board] = None
+                lockstep.remove(board, "unplugged")
+            case ["plug", int(board)]:
+                self._plug(board)
+        said = []
+        for index, payload in lockstep.open():
+            firmware = self.boards[index]
+            assert firmware is not None
+            actuation = firmware.tick(firmware.read(payload))
+            lockstep.answer(index, actuation.torque)
+            said.append((firmware, actuation.links))
+        for sender, payloads in said:
+            self._deliver(sender, payloads)
+        return lockstep.close()
+
+    def run(self) -> Iterator[TickRecord]:
+        """Play ticks, warm-up included, until the run is over."""
+        while not self.lockstep.over:
+            yield self.tick()
+
+    def _deliver(self, sender: Board, payloads: tuple[bytes, ...]) -> None:
+        index = sender.config.index
+        for neighbour, payload in zip(sender.config.neighbours, payloads, strict=True):
+            receiver = self.boards[neighbour]
+            if receiver is not None:
+                receiver.hear(receiver.config.neighbours.index(index), payload)
+
+    def _plug(self, board: int) -> None:
+        if self.boards[board] is not None:
+            return
+        self._incarnations[board] += 1
+        incarnation = self._incarnations[board]
+        config = board_config(self.scenario.values, self.scenario.joints[board])
+        self.boards[board] = Board(config, run_id=self.run_id, incarnation=incarnation)
+        self.lockstep.admit(board, incarnation)
+
+
+def run_twin(scenario: ResolvedScenario) -> tuple[list[TickRecord], Outcome]:
+    """Play a whole run and return what a spool would hold."""
+    twin = Twin(scenario)
+    records = []
+    started = time.perf_counter()
+    for record in twin.run():
+        if record.tick == 0:
+            started = time.perf_counter()
+        records.append(record)
+    return records, twin.lockstep.outcome(time.perf_counter() - started)

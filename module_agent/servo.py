@@ -1,0 +1,56 @@
+"""The servo and the gravity compensation of one DEC module (the paper's equation for tau).
+
+    tau = -[ G_g alpha_CoM + G_servo (K_p eps + K_d d(alpha)/dt + K_i integral(eps)) ]
+
+All of it seen through the lumped delay: the caller passes samples that are that old. G_g is the
+gravity weight times K_p. The error eps is taken to the reference while the board is enabled, and
+to the value held since it was disabled while it is not.
+"""
+
+from typing import NamedTuple
+
+
+class ServoGains(NamedTuple):
+    """Gains of one module: the paper's table I, and what it leaves out (gravity weight, K_i)."""
+
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+    ki_nm_rad_s: float
+    g_servo: float
+    gravity_weight: float
+    torque_limit_nm: float
+
+
+class Servo:
+    """Torque from delayed samples; its only memory is the integral of the error."""
+
+    def __init__(self, gains: ServoGains, *, tick_s: float) -> None:
+        self.gains = gains
+        self.tick_s = tick_s
+        self.integral_rad_s = 0.0
+
+    def torque_nm(self, *, error_rad: float, rate_rad_s: float, com_sway_rad: float) -> float:
+        """Advance the integral by one tick and return the torque on the joint.
+
+        The integral stands still while the torque is at its limit and the error would push it
+        further out.
+        """
+        gains = self.gains
+        integral = self.integral_rad_s + error_rad * self.tick_s
+        servo = (
+            gains.kp_nm_rad * error_rad
+            + gains.kd_nm_s_rad * rate_rad_s
+            + gains.ki_nm_rad_s * integral
+        )
+        gravity = gains.gravity_weight * gains.kp_nm_rad * com_sway_rad
+        torque = -(gravity + gains.g_servo * servo)
+        limit = gains.torque_limit_nm
+        if torque > limit:
+            outwards, torque = error_rad < 0.0, limit
+        elif torque < -limit:
+            outwards, torque = error_rad > 0.0, -limit
+        else:
+            outwards = False
+        if not outwards:
+            self.integral_rad_s = integral
+        return torque

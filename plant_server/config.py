@@ -1,0 +1,68 @@
+"""What the plant is told: its part of the resolved scenario, as typed values."""
+
+from typing import Any, NamedTuple
+
+from plant_server.chain import LinkInertia
+from protocol.commands import PERFECT, Command, LinkParameters, changed
+
+
+class Unattended(NamedTuple):
+    """What a joint without a board does (S17)."""
+
+    how: str
+    """"limp", "braked" or "passive"."""
+    stiffness_nm_rad: float
+    damping_nm_s_rad: float
+
+
+class PlantConfig(NamedTuple):
+    """The body and the run."""
+
+    joints: tuple[str, ...]
+    segments: tuple[str, ...]
+    """Names of the links."""
+    links: tuple[LinkInertia, ...]
+    initial_angles_rad: tuple[float, ...]
+    imu: tuple[bool, ...]
+    force_plate: tuple[bool, ...]
+    torque_limits_nm: tuple[float, ...]
+    references_rad: tuple[float, ...]
+    unattended: tuple[Unattended, ...]
+    standing_links: dict[tuple[int, int], LinkParameters]
+    """Parameters, other than perfect ones, of directed links (sender, receiver)."""
+    events: tuple[tuple[int, Command], ...]
+    """What the scenario does to the robot, and in which tick."""
+    tick_s: float
+    substeps: int
+    ticks: int
+    fallen_below: float
+    """Fraction of the upright height of the centre of mass."""
+    warm_up_ticks: int
+
+
+def plant_config(values: dict[str, Any]) -> PlantConfig:
+    """Read the plant's part of the values of a resolved scenario."""
+    run, boards = values["run"], values["board"]
+    orientations = [board["initial_rad"] for board in boards]
+    below = [0.0, *orientations[:-1]]
+    return PlantConfig(
+        joints=tuple(board["joint"] for board in boards),
+        segments=tuple(values["link_names"]),
+        links=tuple(LinkInertia(**board["link"]) for board in boards),
+        initial_angles_rad=tuple(a - b for a, b in zip(orientations, below, strict=True)),
+        imu=tuple(board["imu"] for board in boards),
+        force_plate=tuple(board["force_plate"] for board in boards),
+        torque_limits_nm=tuple(board["servo"]["torque_limit_nm"] for board in boards),
+        references_rad=tuple(board["reference_rad"] for board in boards),
+        unattended=tuple(Unattended(**board["unattended"]) for board in boards),
+        standing_links={
+            (sender, receiver): changed(PERFECT, changes)
+            for sender, receiver, changes in values["link"]
+        },
+        events=tuple((tick, command) for tick, command in values["event"]),
+        tick_s=run["tick_s"],
+        substeps=run["substeps"],
+        ticks=run["ticks"],
+        fallen_below=run["fallen_below"],
+        warm_up_ticks=max(board["lumped_delay_ticks"] for board in boards),
+    )

@@ -1,0 +1,111 @@
+"""What a terminal can ask of a running robot: how it is, and to do something to it. Pure.
+
+Rule: a command that cannot take effect is refused with its reason; one that can is on the agenda
+for the next tick, and the answer says for which.
+"""
+
+import json
+from typing import Any
+from zlib import compress
+
+from plant_server.lockstep import Lockstep
+from protocol.commands import PERFECT, Command, CommandError, check_command
+from protocol.frames import VERSION, ProtocolError, TorqueFrame, unseal
+from protocol.states import State
+
+STATUS = "status"
+ONE_WAY_AFTER_TICKS = 100
+"""A neighbour that has heard nothing for so long, while it is heard, hears nothing at all; no delay
+of a link is that long."""
+
+
+def answer(lockstep: Lockstep, joints: list[str], payload: bytes) -> bytes:
+    """Answer a request `[version, "status"]` or `[version, command]` with a JSON object."""
+    reply: dict[str, Any]
+    try:
+        version, request = unseal(payload)
+        if version != VERSION:
+            reply = {"refused": f"this plant speaks version {VERSION}, not {str(version)[:20]}"}
+        elif request == STATUS:
+            reply = status(lockstep, joints)
+        else:
+            command = json.loads(request)
+            check_command(command, joints)
+            reply = {"tick": _schedule(lockstep, joints, command)}
+    except (ProtocolError, CommandError, ValueError, TypeError) as error:
+        reply = {"refused": str(error)}
+    return compress(json.dumps(reply).encode())
+
+
+def status(lockstep: Lockstep, joints: list[str]) -> dict[str, Any]:
+    """How the robot is, in words and numbers."""
+    roster = lockstep.roster
+    return {
+        "tick": lockstep.tick,
+        "tick_s": lockstep.config.tick_s,
+        "segments": list(lockstep.config.segments),
+        "waits_for": [joints[board] for board in lockstep.waiting_for],
+        "sides": [[joints[board] for board in side] for side in roster.sides()],
+        "boards": [
+            _board(joint, roster.incarnations[board], lockstep.latest[board])
+            for board, joint in enumerate(joints)
+        ],
+        "links": [
+            {
+                "from": joints[sender],
+                "to": joints[receiver],
+                "faults": {
+                    name: value
+                    for name, value in now._asdict().items()
+                    if value != getattr(PERFECT, name)
+                },
+                "one_way": _is_deaf(lockstep, sender, receiver),
+            }
+            for (sender, receiver), now in roster.links.items()
+        ],
+    }
+
+
+def _board(joint: str, incarnation: int, latest: TorqueFrame | None) -> dict[str, Any]:
+    about: dict[str, Any] = {"joint": joint, "incarnation": incarnation}
+    if incarnation == 0:
+        return {**about, "state": "absent", "enabled": False}
+    if latest is None:
+        return {**about, "state": "joining", "enabled": False}
+    return {
+        **about,
+        "state": State(latest.state).name.lower(),
+        "enabled": bool(latest.enabled),
+        "torque_nm": latest.torque_nm,
+        "controlled_rad": latest.controlled_rad,
+    }
+
+
+def _is_deaf(lockstep: Lockstep, sender: int, receiver: int) -> bool:
+    """Whether the sender finds that the receiver has not heard it for long."""
+    frame = lockstep.latest[sender]
+    if frame is None or lockstep.latest[receiver] is None:
+        return False
+    link = sorted(other for other in (sender - 1, sender + 1) if 0 <= other < lockstep.size)
+    return frame.links[link.index(receiver)].unheard_ticks > ONE_WAY_AFTER_TICKS
+
+
+def _schedule(lockstep: Lockstep, joints: list[str], command: Command) -> int:
+    """Put a command on the agenda, and return the tick in which its turn will come."""
+    tick = lockstep.tick + 1
+    turn = lockstep.agenda.turn(tick)
+    if turn >= lockstep.config.ticks:
+        raise CommandError(f"the run is over at tick {lockstep.config.ticks}")
+    _check_effect(lockstep, joints, command)
+    lockstep.agenda.add(tick, command)
+    return turn
+
+
+def _check_effect(lockstep: Lockstep, joints: list[str], command: Command) -> None:
+    match command:
+        case ["unplug", board] if not lockstep.roster.present(board):
+            raise CommandError(f"{joints[board]} is not plugged in")
+        case ["plug", board] if lockstep.roster.present(board):
+            raise CommandError(f"{joints[board]} is plugged in already")
+        case ["reference", board, _] if not lockstep.roster.present(board):
+            raise CommandError(f"{joints[board]} is not plugged in")

@@ -1,0 +1,299 @@
+"""Lockstep: the body and its boards advance together, tick by tick.
+
+    order = lockstep.begin()                a board to put in or take away before the tick
+    observations = lockstep.open()          one encoded frame for each board that is there
+    lockstep.answer(board, payload)         in any order, any number of times
+    record = lockstep.close()               when nobody is waited for any more
+
+Rule 1: the tick k is over when every board of the roster has answered it. Answers are a set.
+Rule 2: ticks -W ... -1 are the warm-up: the normal barrier, with the body locked in its initial
+        posture and torques answered but not applied, until every delay line is full. Tick 0
+        releases the body (S8).
+Rule 3: no clock and no I/O. Whoever drives this decides how long it waits, and starts and ends
+        boards. What it decided is recorded with its tick.
+Rule 4: what happens to the body happens between two ticks. A joint that loses its board or gets one
+        in the middle of a tick is braked or released at its end, in whatever order that was heard.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from math import copysign, fabs, isfinite
+from typing import Any
+
+from plant_server.agenda import Agenda
+from plant_server.answers import read_answer
+from plant_server.body import Body
+from plant_server.chain import Chain
+from plant_server.config import PlantConfig, Unattended
+from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven
+from plant_server.roster import Roster
+from plant_server.sensors import readings
+from protocol.commands import Command
+from protocol.frames import Observation, ProtocolError, Reason, TorqueFrame, encode
+from protocol.states import State
+from protocol.wiring import neighbours
+
+INVALID_TORQUE_TICKS_MAX = 10
+SAFE_TORQUE_NM = 0.0
+
+
+class Lockstep:
+    """The plant of one run."""
+
+    def __init__(self, config: PlantConfig, *, run_id: int) -> None:
+        self.config = config
+        self.run_id = run_id
+        self.size = len(config.joints)
+        self.body = Body(
+            Chain(config.links),
+            initial_angles_rad=config.initial_angles_rad,
+            tick_s=config.tick_s,
+            substeps=config.substeps,
+            fallen_below=config.fallen_below,
+        )
+        self.tick = -config.warm_up_ticks
+        self.roster = Roster(self.size, config.standing_links, config.references_rad)
+        self.agenda = Agenda(list(config.events))
+        self.refused: Counter[Reason] = Counter()
+        self.saturated = 0
+        self.invalid_torques = 0
+        self.latest: list[TorqueFrame | None] = [None] * self.size
+        """The last answer of each board, for whoever wants to know how it is."""
+        self._events: list[list[Any]] = []
+        self._answers: list[bytes | None] = [None] * self.size
+        self._torques_nm = [0.0] * self.size
+        self._invalid_ticks = [0] * self.size
+        self._undriven_since: list[int | None] = [None] * self.size
+        self._given: dict[int, Observation] = {}
+        """What each board was told in the open tick; empty between two ticks."""
+        self._left: set[int] = set()
+        """Boards that are gone since the tick was opened, and did not answer it."""
+        self._leaving: dict[int, str] = {}
+        """Boards that are gone since they answered the open tick, and why."""
+        self._pushes: list[list[Any]] = []
+        self._sides = [list(range(self.size))]
+
+    @property
+    def over(self) -> bool:
+        """The run has had its ticks, or the body lies on the ground."""
+        return self.tick >= self.config.ticks or self.body.fallen
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a board has not answered the open tick."""
+        return None in self._answers
+
+    @property
+    def waiting_for(self) -> list[int]:
+        """Boards that have not answered the open tick."""
+        return [i for i, answer in enumerate(self._answers) if answer is None]
+
+    def begin(self) -> Command | None:
+        """Look at what is due before the tick is opened.
+
+        Returns an "unplug" or "plug" command, for the driver to carry out with `remove` or `admit`.
+        """
+        command = self.agenda.due(self.tick)
+        if command is None:
+            return None
+        self._events.append(command)
+        match command:
+            case ["unplug" | "plug", _]:
+                return command
+            case ["push", link, force_n, ticks]:
+                self._pushes.append([link, force_n, ticks])
+            case _:
+                self.roster.obey(command)
+        return None
+
+    def admit(self, board: int, incarnation: int) -> None:
+        """Give a joint to a board, from the tick that is about to be opened."""
+        self.roster.admit(board, incarnation)
+        if self.tick == -self.config.warm_up_ticks:
+            self._drive(board)
+        self._events.append(["admitted", board, incarnation])
+
+    def remove(self, board: int, why: str) -> None:
+        """Take a board off the roster: at once, or after the tick that it has answered (S5)."""
+        if not self.roster.present(board):
+            return
+        if self._given and self._answers[board]:
+            self._leaving.setdefault(board, why)
+            return
+        self.roster.remove(board)
+        self._answers[board] = b""
+        self.latest[board] = None
+        self._torques_nm[board] = 0.0
+        self._invalid_ticks[board] = 0
+        self._events.append(["gone", board, why])
+        if self._given:
+            self._left.add(board)
+        else:
+            self._leave_alone(board)
+
+    def excuse(self, sender: int, receiver: int) -> bytes:
+        """Let a board go on without a link frame in the open tick; the observation that says so.
+
+        Should the frame come after all, it is not used, so that the verdict has one meaning (S6).
+        """
+        given, near = self._given[receiver], neighbours(receiver, self.size)
+        if sender in near and given.neighbours[near.index(sender)].waits:
+            about = list(given.neighbours)
+            link = near.index(sender)
+            completed_tick = min(about[link].completed_tick, self.tick - 2)
+            about[link] = about[link]._replace(completed_tick=completed_tick, waits=0)
+            self._given[receiver] = given._replace(neighbours=tuple(about))
+            self._events.append(["excused", sender, receiver])
+        return self.observation(receiver)
+
+    def observation(self, board: int) -> bytes:
+        """What a board was told in the open tick, once more; or that it is not on the roster."""
+        incarnation = self.roster.incarnations[board]
+        return encode(self._given[board]._replace(incarnation=incarnation))
+
+    def open(self) -> Iterator[tuple[int, bytes]]:
+        """Start the tick: each board that is there, and what it senses, from the ground up."""
+        self.body.locked = self.tick < 0
+        self._answers = [None if self.roster.present(i) else b"" for i in range(self.size)]
+        self._record_sides()
+        self._given = {
+            board: self._observation(board)
+            for board in range(self.size)
+            if self.roster.present(board)
+        }
+        for board, observation in self._given.items():
+            yield board, encode(observation)
+
+    def answer(self, board: int, payload: bytes) -> bool:
+        """Take a torque frame; tell whether it was the answer that was waited for."""
+        try:
+            frame = read_answer(
+                payload,
+                board=board,
+                boards=self.size,
+                run_id=self.run_id,
+                incarnation=self.roster.incarnations[board],
+                tick=self.tick,
+            )
+        except ProtocolError as error:
+            self.refused[error.reason] += 1
+            return False
+        if self._answers[board] is not None:
+            return False
+        self._answers[board] = payload
+        self._torques_nm[board] = self._usable(board, frame.torque_nm)
+        self.latest[board] = frame
+        return True
+
+    def close(self) -> TickRecord:
+        """End the tick: integrate to the next one, and return what happened in this one."""
+        assert not self.waiting, "a tick is closed when every board has answered"
+        state = tuple(self.body.angles_rad), tuple(self.body.rates_rad_s)
+        self._hand_over()
+        applied = [0.0] * self.size
+        if self.tick >= 0:
+            for board, since_tick in enumerate(self._undriven_since):
+                if since_tick is None:
+                    applied[board] = self._torques_nm[board]
+            self._push()
+        record = TickRecord(
+            self.tick,
+            *state,
+            tuple(applied),
+            tuple(answer or b"" for answer in self._answers),
+            tuple(self._events),
+        )
+        self._events = []
+        for board, answer in enumerate(self._answers):
+            if answer:
+                self.roster.completed_ticks[board] = self.tick
+        self.roster.newcomers.clear()
+        self._given = {}
+        self.body.step(applied)
+        self.tick += 1
+        for board in sorted(self._leaving):
+            self.remove(board, self._leaving[board])
+        self._leaving.clear()
+        return record
+
+    def outcome(self, wall_s: float, cut_short: str | None = None) -> Outcome:
+        """How the run ended, or that it was cut short, and by what."""
+        ending = FELL if self.body.fallen else cut_short or COMPLETE
+        state = tuple(self.body.angles_rad), tuple(self.body.rates_rad_s)
+        undriven = tuple(
+            Undriven(
+                self.config.joints[board],
+                since_tick,
+                self.config.unattended[board].how,
+                self.roster.present(board),
+            )
+            for board, since_tick in enumerate(self._undriven_since)
+            if since_tick is not None
+        )
+        return Outcome(self.tick, *state, ending, wall_s, undriven)
+
+    def _hand_over(self) -> None:
+        """Joints whose boards went during the tick, and those whose boards drive from now on."""
+        for board in sorted(self._left):
+            self._leave_alone(board)
+        self._left.clear()
+        for board, frame in enumerate(self.latest):
+            waits = self._undriven_since[board] is not None
+            if waits and frame is not None and frame.state != State.SYNCING:
+                self._drive(board)
+
+    def _drive(self, board: int) -> None:
+        self._undriven_since[board] = None
+        self.body.release(board)
+
+    def _leave_alone(self, board: int) -> None:
+        """What becomes of a joint that has no board (S17)."""
+        if self._undriven_since[board] is None:
+            self._undriven_since[board] = self.tick
+        unattended = self.config.unattended[board]
+        match unattended:
+            case Unattended(how="braked"):
+                self._events.append(["energy_lost_j", board, self.body.brake(board)])
+            case Unattended(how="passive", stiffness_nm_rad=stiffness, damping_nm_s_rad=damping):
+                self.body.make_passive(board, stiffness, damping)
+            case _:
+                self.body.release(board)
+
+    def _push(self) -> None:
+        forces_n = [0.0] * self.size
+        for push in self._pushes:
+            forces_n[push[0]] += push[1]
+            push[2] -= 1
+        self._pushes = [push for push in self._pushes if push[2] > 0]
+        self.body.forces_n = forces_n
+
+    def _record_sides(self) -> None:
+        sides = self.roster.sides()
+        if sides != self._sides:
+            self._sides = sides
+            self._events.append(["sides", sides])
+
+    def _usable(self, board: int, torque_nm: float) -> float:
+        """Saturate; in place of a torque that is no number, the last valid one, then none."""
+        limit = self.config.torque_limits_nm[board]
+        if isfinite(torque_nm):
+            self._invalid_ticks[board] = 0
+            if fabs(torque_nm) <= limit:
+                return torque_nm
+            self.saturated += 1
+            return copysign(limit, torque_nm)
+        self.invalid_torques += 1
+        self._invalid_ticks[board] += 1
+        if self._invalid_ticks[board] > INVALID_TORQUE_TICKS_MAX:
+            return SAFE_TORQUE_NM
+        return self._torques_nm[board]
+
+    def _observation(self, board: int) -> Observation:
+        return Observation(
+            self.run_id,
+            self.roster.incarnations[board],
+            self.tick,
+            *readings(self.body, self.config, board),
+            self.roster.command_for(board),
+            self.roster.neighbours_of(board),
+        )

@@ -1,0 +1,297 @@
+"""Drives the plant with Zenoh: lets boards in, then opens and closes ticks until the run is over.
+
+Everything that the network brings, on whichever thread, goes through one queue to the one thread
+that thinks.
+"""
+
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty
+from typing import NamedTuple
+
+import zenoh
+
+from plant_server import control
+from plant_server.config import plant_config
+from plant_server.enrolment import Enrolment
+from plant_server.lockstep import Lockstep
+from plant_server.post import CONTROL, ENROL, STALLED, Event, Post
+from plant_server.record import Outcome
+from plant_server.spool import SpoolWriter
+from protocol import keys
+from protocol.enrolment import Verdict, decode_request, encode_enrolment
+from protocol.frames import End, ProtocolError, Stalled, decode, encode, shortened
+from protocol.process import StoppedError
+from protocol.scenario import ResolvedScenario, run_id
+from protocol.wiring import Rig, neighbours
+
+TELL_AFTER_S = 0.5
+"""A wait shorter than this is not worth a line."""
+STALL_AFTER_S = 1.0
+LOOK_EVERY_S = 0.02
+PROGRESS_EVERY_S = 0.1
+FAREWELL_S = 0.5
+"""How long the plant waits for boards to have heard that the run is over."""
+
+
+STOPPED = "stopped"
+"""The ending of a run that was told to stop."""
+
+
+class Options(NamedTuple):
+    """How a plant process is to behave."""
+
+    spool: Path | None
+    """Where to record, if anywhere."""
+    progress: bool
+    """Whether a launcher reads what is said on standard output."""
+    patience_s: float | None
+    """How long a silent board is waited for; None: for ever."""
+
+
+class Runtime:
+    """One plant process, from its session to the end of the run."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        scenario: ResolvedScenario,
+        rig: Rig,
+        options: Options,
+        writer: SpoolWriter | None,
+    ) -> None:
+        self.rig = rig
+        self.options = options
+        self.writer = writer
+        self.joints = scenario.joints
+        self.run_id = run_id(scenario.digest)
+        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
+        self.enrolment = Enrolment(
+            rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=self.run_id
+        )
+        self.post = Post(session, rig, self.joints)
+        self._released_s: float | None = None
+        self._shown_s = 0.0
+        self._told = ""
+        self._unplugging: int | None = None
+        self._ending = False
+        self._newcomers: set[int] = set()
+        self._starved: dict[int, int] = {}
+        """Boards that say whose frame they wait for."""
+
+    def run(self) -> Outcome:
+        """Wait for every board, then tick to the end. Returns how the run ended."""
+        try:
+            for board in range(len(self.joints)):
+                self._wait_for(board)
+            for board in range(len(self.joints)):
+                self._admit(board)
+        except StoppedError:
+            self._farewell(STOPPED)
+            raise
+        cut_short = None
+        try:
+            while not self.lockstep.over:
+                self._boundary()
+                self._tick()
+        except StoppedError:
+            cut_short = STOPPED
+        wall_s = 0.0 if self._released_s is None else time.monotonic() - self._released_s
+        outcome = self.lockstep.outcome(wall_s, cut_short)
+        if self.writer is not None:
+            self.writer.close(outcome)
+        self._say(f"{outcome.tick} {wall_s:.6f}")
+        self._farewell(outcome.ending)
+        return outcome
+
+    def _boundary(self) -> None:
+        """Between two ticks: boards come and go."""
+        match self.lockstep.begin():
+            case ["unplug", int(board)] if self.lockstep.roster.present(board):
+                self._unplug(board)
+            case ["plug", int(board)] if not self.lockstep.roster.present(board):
+                self._say(f"start {self.joints[board]}")
+                self._wait_for(board)
+                self._admit(board)
+        for board in sorted(self._newcomers):
+            if self._connected(board) and not self.lockstep.agenda.expects_plug(board):
+                self._admit(board)
+
+    def _admit(self, board: int) -> None:
+        self._newcomers.discard(board)
+        self.lockstep.admit(board, self.enrolment.seats[board].incarnation)
+
+    def _unplug(self, board: int) -> None:
+        """Have the launcher end the board's process, and wait until it is gone."""
+        joint = self.joints[board]
+        self._unplugging = board
+        self._say(f"kill {joint}")
+        started = time.monotonic()
+        while self.lockstep.roster.present(board):
+            with suppress(Empty):
+                self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
+            if time.monotonic() - started > TELL_AFTER_S:
+                self._tell(f"waiting for {joint} to be unplugged: end its process")
+        self._unplugging = None
+
+    def _wait_for(self, board: int) -> None:
+        """Let boards in until this one is here, and hears and is heard."""
+        started = time.monotonic()
+        while not self._connected(board):
+            with suppress(Empty):
+                self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
+            if time.monotonic() - started > TELL_AFTER_S:
+                absent = [
+                    joint
+                    for joint, seat in zip(self.joints, self.enrolment.seats, strict=True)
+                    if seat.boot is None
+                ]
+                links = f"the links of {self.joints[board]}"
+                self._tell(f"waiting for {', '.join(absent) or links}")
+
+    def _connected(self, board: int) -> bool:
+        return self.enrolment.linked(board) and self.post.reaches(board)
+
+    def _tick(self) -> None:
+        lockstep = self.lockstep
+        if lockstep.tick == 0:
+            self._released_s = self._shown_s = time.monotonic()
+        for board, payload in lockstep.open():
+            self.post.observe(board, payload)
+        patience_s = self.options.patience_s or STALL_AFTER_S
+        while lockstep.waiting:
+            try:
+                self._handle(self.post.events.get(timeout=patience_s))
+            except Empty:
+                self._lose_patience()
+        self._starved.clear()
+        record = lockstep.close()
+        if self.writer is not None:
+            self.writer.append(record)
+        if self.options.progress:
+            self._show(record.tick)
+
+    def _lose_patience(self) -> None:
+        """Nothing came for a while: say who is waited for; without endless patience, go on."""
+        lockstep = self.lockstep
+        slow = lockstep.waiting_for
+        self._tell(f"tick {lockstep.tick} waits for {', '.join(self.joints[i] for i in slow)}")
+        for board in slow:
+            if board in self._starved:
+                if self.options.patience_s is not None:
+                    self._excuse(board)
+            elif self.options.patience_s is None:
+                self.post.observe(board, lockstep.observation(board))
+            else:
+                self._dismiss(board)
+
+    def _excuse(self, board: int) -> None:
+        """Let a board go on without the frame that it waits for."""
+        sender = self._starved.pop(board)
+        self.post.observe(board, self.lockstep.excuse(sender, board))
+
+    def _excuse_orphans(self) -> None:
+        """Let boards go on whose missing frame will never come, because its sender is gone."""
+        for board, sender in list(self._starved.items()):
+            if not self.lockstep.roster.present(sender):
+                self._excuse(board)
+
+    def _dismiss(self, board: int) -> None:
+        """Give up on a silent board; should it wake up, it learns so, and may enrol again."""
+        self.enrolment.dismiss(board)
+        self.lockstep.remove(board, "silent")
+        self._excuse_orphans()
+        self.post.observe(board, self.lockstep.observation(board))
+        self._tell(f"{self.joints[board]} was silent for too long; going on without it")
+
+    def _show(self, tick: int) -> None:
+        """Tell the launcher how far the run is, now and then."""
+        now = time.monotonic()
+        if self._released_s is not None and now - self._shown_s >= PROGRESS_EVERY_S:
+            self._shown_s = now
+            self._say(f"{tick} {now - self._released_s:.6f}")
+
+    def _handle(self, event: "zenoh.Sample | Event") -> None:
+        if not isinstance(event, tuple):
+            board = self.post.torque_keys[str(event.key_expr)]
+            self.lockstep.answer(board, event.payload.to_bytes())
+            return
+        kind, content = event
+        if kind == ENROL:
+            self._enrol(content)
+        elif kind == CONTROL:
+            with content:
+                payload = b"" if content.payload is None else content.payload.to_bytes()
+                reply = control.answer(self.lockstep, self.joints, payload)
+                content.reply(keys.control(self.rig.name), reply)
+        elif kind == STALLED:
+            self._starve(content)
+        elif content.kind == zenoh.SampleKind.DELETE:
+            self._gone(str(content.key_expr))
+
+    def _starve(self, sample: zenoh.Sample) -> None:
+        """A board waits for a frame; if its sender is gone, the frame will never come."""
+        with suppress(ProtocolError):
+            frame = decode(Stalled, sample.payload.to_bytes())
+            joint = keys.joint_of(str(sample.key_expr))
+            board = self.joints.index(joint)
+            current = (self.run_id, self.lockstep.roster.incarnations[board], self.lockstep.tick)
+            adjacent = frame.sender in neighbours(board, len(self.joints))
+            if adjacent and frame[:3] == current and board in self.lockstep.waiting_for:
+                self._starved[board] = frame.sender
+                self._excuse_orphans()
+
+    def _enrol(self, query: zenoh.Query) -> None:
+        with query:
+            try:
+                request = decode_request(b"" if query.payload is None else query.payload.to_bytes())
+            except ProtocolError as error:
+                self._tell(f"cannot read an enrolment request: {error}")
+                return
+            reply = self.enrolment.decide(request)
+            if reply.verdict != Verdict.ACCEPTED:
+                self._tell(f"refused a board for {request.joint}: {reply.reason}")
+            else:
+                board = self.joints.index(request.joint)
+                if not self.lockstep.roster.present(board):
+                    self._newcomers.add(board)
+            query.reply(keys.ENROL, encode_enrolment(reply))
+
+    def _gone(self, alive_key: str) -> None:
+        joint, boot = keys.board_of(alive_key)
+        if joint not in self.joints:
+            return
+        board = self.joints.index(joint)
+        if not self.enrolment.gone(board, boot):
+            return
+        self._newcomers.discard(board)
+        if self.lockstep.roster.present(board):
+            expected = board == self._unplugging
+            self.lockstep.remove(board, "unplugged" if expected else "died")
+            self._excuse_orphans()
+            if not expected and not self._ending:
+                self._tell(f"{joint} died at tick {self.lockstep.tick}; going on without it")
+
+    def _farewell(self, reason: str) -> None:
+        """Tell the boards that the run is over, and give them time to hear it."""
+        self._ending = True
+        self.post.end(encode(End(self.run_id, shortened(reason))))
+        deadline = time.monotonic() + FAREWELL_S
+        while any(seat.boot is not None for seat in self.enrolment.seats):
+            if time.monotonic() > deadline:
+                return
+            with suppress(Empty):
+                self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
+
+    def _say(self, line: str) -> None:
+        """Tell the launcher, if there is one."""
+        if self.options.progress:
+            print(line, flush=True)
+
+    def _tell(self, line: str) -> None:
+        """Tell the user, once."""
+        if line != self._told:
+            self._told = line
+            print(f"plant: {line}", file=sys.stderr, flush=True)

@@ -1,0 +1,14 @@
+"""Times as people write them on a command line: `200ms`, `1.5s`."""
+
+import argparse
+import re
+
+_UNITS_S = {"ms": 1e-3, "s": 1.0, "min": 60.0}
+
+
+def duration_s(text: str) -> float:
+    """Read a time. Raises `argparse.ArgumentTypeError`, which is a ValueError's cousin."""
+    match = re.fullmatch(r"([0-9]*\.?[0-9]+)(ms|s|min)", text.strip())
+    if match is None or float(match[1]) <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no time; write it like 200ms or 1.5s")
+    return float(match[1]) * _UNITS_S[match[2]]

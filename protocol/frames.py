@@ -1,0 +1,273 @@
+"""Frames: what is on the wire, byte for byte (`protocol/README.md` is the specification).
+
+Rule 1: a frame is a flat msgpack array `[version, kind, ...]` and its CRC-32, at most 256 bytes.
+Rule 2: a receiver trusts nothing. What does not fit raises `ProtocolError` with one reason.
+Rule 3: every number has one type. A float is never sent as an int, so a frame keeps its size.
+
+A field that may be absent has a value that cannot occur instead of a null (`NO_TICK`, `NO_RUN`):
+the types of a frame are then one tuple, and checking them is one comparison.
+"""
+
+from enum import StrEnum
+from itertools import chain
+from typing import Any, NamedTuple, TypeVar, cast
+from zlib import crc32
+
+import msgpack
+
+VERSION = 1
+FRAME_BYTES_MAX = 256
+CRC_BYTES = 4
+
+NO_TICK = -(2**31)
+TICK_MAX = 2**31 - 1
+NO_EPOCH = -1
+NO_RUN = 0
+
+
+class Reason(StrEnum):
+    """Why a frame was refused, in the order in which a receiver checks."""
+
+    SIZE = "size"
+    CORRUPT = "corrupt"
+    VERSION = "version"
+    MALFORMED = "malformed"
+    RUN = "run"
+    INCARNATION = "incarnation"
+    EPOCH = "epoch"
+    TICK = "tick"
+    RANGE = "range"
+
+
+class ProtocolError(Exception):
+    """A peer sent something that cannot be used."""
+
+    def __init__(self, reason: Reason, detail: str) -> None:
+        super().__init__(f"{reason}: {detail}")
+        self.reason = reason
+
+
+class Neighbour(NamedTuple):
+    """What the plant tells a board of one mechanical neighbour (an entry of the roster)."""
+
+    incarnation: int
+    """0: nobody is there."""
+    completed_tick: int
+    """The last tick whose torque reached the plant; later frames of this sender are void."""
+    waits: int
+    """1: the board waits for this neighbour's frame before it ticks."""
+
+
+class Observation(NamedTuple):
+    """Plant to one board: its own sensors at the start of a tick, and who its neighbours are."""
+
+    run_id: int
+    incarnation: int
+    """Of the board that is addressed. Another one has been replaced and stops."""
+    tick: int
+    """Negative during warm-up; 0 releases the body."""
+    joint_rad: float
+    joint_rad_s: float
+    joint_torque_nm: float
+    """Torque sensor: what acted on the joint during the tick before."""
+    imu_rad: float
+    """Orientation in space of the link above the joint; 0 on a board without an IMU."""
+    imu_rad_s: float
+    foot_force_n: float
+    """Vertical force on the force plate, mean of the tick before; 0 on a board without one."""
+    foot_cop_m: float
+    """Centre of pressure, forward of the ankle; 0 on a board without a force plate."""
+    command: bytes
+    """A `protocol.commands.BoardCommand` to obey in this tick; empty: none."""
+    neighbours: tuple[Neighbour, ...]
+
+
+class LinkFrame(NamedTuple):
+    """Board to one mechanical neighbour, once a tick: a consensus round and the body it knows of.
+
+    The two boards share the joint of the upper one, and `lower_link_*` is the link below that
+    joint: told from above it comes from the IMU, told from below by encoders from the foot up.
+    Mass and centre of mass are those of everything above the shared joint, seen from that joint;
+    they are 0 in a frame that goes up.
+    """
+
+    run_id: int
+    incarnation: int
+    tick: int
+    heard_tick: int
+    """The newest tick heard from the addressee: how it learns of a one-way link."""
+    epoch: int
+    round: int
+    urgency: float
+    """Largest |error of the controlled variable| known in this epoch (the paper's w)."""
+    candidate: int
+    """Index of the board whose urgency that is."""
+    sample_tick: int
+    """When the values below were sampled (`NO_TICK`: there are none)."""
+    lower_link_rad: float
+    lower_link_rad_s: float
+    mass_kg: float
+    com_x_m: float
+    com_y_m: float
+    com_x_m_s: float
+    com_y_m_s: float
+
+
+class LinkUse(NamedTuple):
+    """A board's receipt, per neighbour: what it used of the link in this tick, and what it sent."""
+
+    heard_mask: int
+    """Bit j: the frame said in tick k-1-j was used in tick k."""
+    sent_crc: int
+    """CRC-32 of the link frame sent to this neighbour in this tick."""
+    unheard_ticks: int
+    """How many ticks ago this neighbour last heard the board, by its own echo."""
+
+
+class TorqueFrame(NamedTuple):
+    """Board to plant, once a tick: the torque, what the board is doing, and its receipts."""
+
+    run_id: int
+    incarnation: int
+    tick: int
+    torque_nm: float
+    state: int
+    """A `protocol.states.State`."""
+    enabled: int
+    """The paper's enabling variable y: 1 moves, 0 holds."""
+    controlled_rad: float
+    """The controlled variable alpha that the servo used (sampled one lumped delay ago)."""
+    epoch: int
+    round: int
+    urgency: float
+    candidate: int
+    counter: int
+    """Which of `protocol.states.COUNTERS` this frame tells."""
+    counted: int
+    links: tuple[LinkUse, ...]
+
+
+TEXT_BYTES_MAX = 200
+
+
+def shortened(text: str) -> str:
+    """Cut a text for people so that it fits into a frame."""
+    encoded = text.encode()
+    if len(encoded) <= TEXT_BYTES_MAX:
+        return text
+    return encoded[: TEXT_BYTES_MAX - 3].decode(errors="ignore") + "..."
+
+
+class End(NamedTuple):
+    """Plant to every board: the run is over, go home."""
+
+    run_id: int
+    reason: str
+
+
+class Stalled(NamedTuple):
+    """Board to plant: it cannot tick, because a neighbour's frame is not there (S6)."""
+
+    run_id: int
+    incarnation: int
+    tick: int
+    """The tick that waits; the frame is of the tick before."""
+    sender: int
+    """Index of the board whose frame it is."""
+
+
+AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled
+Frame = TypeVar("Frame", bound=AnyFrame)
+
+
+class Layout:
+    """How a frame is laid out: version, kind, fields of fixed types, repeated entries of integers.
+
+    `entry` is the tuple that the last field of the frame is made of, flattened into the array.
+    """
+
+    def __init__(
+        self, kind: int, types: tuple[type, ...], entry: type[Neighbour | LinkUse] | None = None
+    ) -> None:
+        self.kind = kind
+        self.entry = entry
+        self.entry_size = 0 if entry is None else len(entry._fields)
+        self.fixed_size = 2 + len(types)
+        self._types_by_size = {self.fixed_size: (int, int, *types)}
+
+    def fits(self, fields: tuple[Any, ...]) -> bool:
+        """Whether an array has this kind, the types in their places, and whole entries."""
+        types = self._types_by_size.get(len(fields))
+        if types is None:
+            entries, rest = divmod(len(fields) - self.fixed_size, self.entry_size or 1)
+            if entries < 0 or rest or self.entry is None:
+                return False
+            types = self._types_by_size[len(fields)] = (
+                *self._types_by_size[self.fixed_size],
+                *(int,) * (entries * self.entry_size),
+            )
+        return tuple(map(type, fields)) == types and fields[1] == self.kind
+
+
+LAYOUTS: dict[type, Layout] = {
+    Observation: Layout(1, (int, int, int, *(float,) * 7, bytes), Neighbour),
+    LinkFrame: Layout(2, (*(int,) * 6, float, int, int, *(float,) * 7)),
+    TorqueFrame: Layout(
+        3, (int, int, int, float, int, int, float, int, int, float, int, int, int), LinkUse
+    ),
+    End: Layout(4, (int, str)),
+    Stalled: Layout(5, (int, int, int, int)),
+}
+
+_pack = msgpack.Packer(use_bin_type=True).pack
+
+
+def seal(body: bytes) -> bytes:
+    """Append the CRC-32 of `body`, little-endian."""
+    return body + crc32(body).to_bytes(CRC_BYTES, "little")
+
+
+def unseal(payload: bytes) -> tuple[Any, ...]:
+    """Check size and CRC-32 and return the array within, of whatever version it is."""
+    if not CRC_BYTES < len(payload) <= FRAME_BYTES_MAX:
+        raise ProtocolError(Reason.SIZE, f"{len(payload)} bytes")
+    body = payload[:-CRC_BYTES]
+    if crc32(body).to_bytes(CRC_BYTES, "little") != payload[-CRC_BYTES:]:
+        raise ProtocolError(Reason.CORRUPT, f"CRC-32 of {len(payload)} bytes does not match")
+    try:
+        fields = msgpack.unpackb(body, use_list=False)
+    except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
+        raise ProtocolError(Reason.MALFORMED, f"not msgpack: {error}") from error
+    if type(fields) is not tuple or not fields:
+        raise ProtocolError(Reason.MALFORMED, "not an array with a version")
+    return fields
+
+
+def encode(frame: AnyFrame) -> bytes:
+    """Write one frame, CRC-32 included."""
+    layout = LAYOUTS[type(frame)]
+    if layout.entry is None:
+        payload = seal(_pack((VERSION, layout.kind, *frame)))
+    else:
+        fields, entries = frame[:-1], cast("tuple[tuple[int, ...], ...]", frame[-1])
+        payload = seal(_pack((VERSION, layout.kind, *fields, *chain.from_iterable(entries))))
+    assert len(payload) <= FRAME_BYTES_MAX, f"{type(frame).__name__} of {len(payload)} bytes"
+    return payload
+
+
+def decode(expected: type[Frame], payload: bytes) -> Frame:
+    """Parse one frame of a known kind, or raise `ProtocolError` with the first reason that fits.
+
+    Numbers are checked for their type, not for their value: what a NaN means is up to the receiver.
+    """
+    fields = unseal(payload)
+    if fields[0] != VERSION:
+        raise ProtocolError(Reason.VERSION, f"version {fields[0]!r}, this is version {VERSION}")
+    layout = LAYOUTS[expected]
+    if not layout.fits(fields):
+        raise ProtocolError(Reason.MALFORMED, f"not a {expected.__name__}")
+    if layout.entry is None:
+        return cast("Frame", expected._make(fields[2:]))
+    flat = iter(fields[layout.fixed_size :])
+    entries = tuple(map(layout.entry._make, zip(*(flat,) * layout.entry_size, strict=True)))
+    return cast("Frame", expected._make((*fields[2 : layout.fixed_size], entries)))

@@ -1,0 +1,81 @@
+import json
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy.scenario import load
+from deploy.summary import summary, write_summary
+from deploy.trajectory import Trajectory, trajectory
+from deploy.twin import run_twin
+
+KEYS = {
+    "scenario", "seed", "mode", "controller", "ending", "ticks", "simulated_s", "wall_s",
+    "ticks_per_s", "state_sha256", "indices", "energy_j", "consensus", "versions",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def second() -> Trajectory:
+    return run()
+
+
+def run(*overrides: str) -> Trajectory:
+    scenario = load("paper", ["run.duration_s=1", "run.seed=7", *overrides])
+    return trajectory(scenario.values, *run_twin(scenario))
+
+
+def test_it_says_what_was_run_and_what_came_out(second: Trajectory) -> None:
+    found = summary(second, mode="twin")
+    assert set(found) == KEYS
+    assert (found["scenario"], found["seed"], found["mode"]) == ("paper", 7, "twin")
+    assert (found["controller"], found["ending"]) == ("distributed", "complete")
+    assert (found["ticks"], found["simulated_s"]) == (1000, 1.0)
+    assert found["state_sha256"] == second.state_sha256
+    assert set(found["indices"]) == {"TS", "KNEE", "BS"}
+    assert set(found["energy_j"]) == {"positive", "absolute", "net"}
+    assert found["consensus"]["epochs"] == 10
+    assert None not in found["versions"].values()
+
+
+def test_without_elections_it_is_the_original_controller() -> None:
+    found = summary(run("election.enabled=false"), mode="processes")
+    assert (found["controller"], found["consensus"]) == ("original", None)
+
+
+def test_two_runs_differ_in_their_wall_time_only(second: Trajectory) -> None:
+    wall = {"wall_s": None, "ticks_per_s": None}
+    assert {**summary(run(), mode="twin"), **wall} == {**summary(second, mode="twin"), **wall}
+
+
+@pytest.mark.parametrize("wall_s", [0.0, nan, inf])
+def test_what_is_no_number_is_null(second: Trajectory, wall_s: float) -> None:
+    found = summary(replace(second, wall_s=wall_s), mode="twin")
+    assert found["ticks_per_s"] in (None, 0.0)
+    assert parsed(json.dumps(found, allow_nan=False)) == found
+
+
+def test_a_written_summary_reads_back(second: Trajectory, tmp_path: Path) -> None:
+    path, values = tmp_path / "summary.json", summary(second, mode="twin")
+    write_summary(path, {"old": True})
+    write_summary(path, values)
+    assert parsed(path.read_text(encoding="utf-8")) == values
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_summary_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    write_summary(path, {"old": True})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_summary(path, {"wall_s": nan})
+    path.with_name("folder").mkdir()
+    with pytest.raises(OSError, match="directory"):
+        write_summary(path.with_name("folder"), {"new": True})
+    assert parsed(path.read_text(encoding="utf-8")) == {"old": True}
+    assert sorted(found.name for found in tmp_path.iterdir()) == ["folder", "summary.json"]
+
+
+def parsed(text: str) -> Any:
+    return json.loads(text)

@@ -1,0 +1,120 @@
+"""A plant of three joints for tests, and boards that answer whatever a test wants them to."""
+
+from collections.abc import Iterable, Sequence
+
+from plant_server.chain import LinkInertia
+from plant_server.config import PlantConfig, Unattended
+from plant_server.lockstep import Lockstep
+from plant_server.record import TickRecord
+from protocol.commands import Command, LinkParameters
+from protocol.frames import (
+    NO_EPOCH,
+    LinkUse,
+    Observation,
+    TorqueFrame,
+    decode,
+    encode,
+)
+from protocol.states import State
+from protocol.wiring import neighbours
+
+RUN, OTHER_RUN = 0x8000_0001, 0x8000_0002
+JOINTS = ("ankle", "knee", "hip")
+ANKLE, KNEE, HIP = range(3)
+LINK = LinkInertia(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
+LIMIT_NM = 50.0
+POSTURE_RAD = (0.1, -0.2, 0.3)
+LIMP = Unattended("limp", 0.0, 0.0)
+BRAKED = Unattended("braked", 0.0, 0.0)
+PASSIVE = Unattended("passive", 80.0, 4.0)
+
+
+def plant(
+    *,
+    warm_up_ticks: int = 0,
+    ticks: int = 1000,
+    unattended: Unattended = LIMP,
+    events: Iterable[tuple[int, Command]] = (),
+    standing: dict[tuple[int, int], LinkParameters] | None = None,
+    here: Sequence[int] = (ANKLE, KNEE, HIP),
+) -> Lockstep:
+    """A plant whose boards have been admitted, all as incarnation 1."""
+    config = PlantConfig(
+        joints=JOINTS,
+        segments=("shank", "thigh", "trunk"),
+        links=(LINK, LINK, LINK),
+        initial_angles_rad=POSTURE_RAD,
+        imu=(False, False, True),
+        force_plate=(True, False, False),
+        torque_limits_nm=(LIMIT_NM, LIMIT_NM, LIMIT_NM),
+        references_rad=(0.0, 0.0, 0.0),
+        unattended=(unattended, unattended, unattended),
+        standing_links=standing or {},
+        events=tuple(events),
+        tick_s=1e-3,
+        substeps=1,
+        ticks=ticks,
+        fallen_below=0.5,
+        warm_up_ticks=warm_up_ticks,
+    )
+    lockstep = Lockstep(config, run_id=RUN)
+    for board in here:
+        lockstep.admit(board, 1)
+    return lockstep
+
+
+def torque_frame(
+    tick: int,
+    torque_nm: float = 0.0,
+    *,
+    board: int = ANKLE,
+    incarnation: int = 1,
+    state: State = State.RUNNING,
+) -> TorqueFrame:
+    receipts = tuple(LinkUse(1, 0, 0) for _ in neighbours(board, 3))
+    said = (int(state), 1, 0.0, NO_EPOCH, 0, 0.0, board, 0, 0, receipts)
+    return TorqueFrame(RUN, incarnation, tick, torque_nm, *said)
+
+
+def answer(
+    tick: int,
+    torque_nm: float = 0.0,
+    *,
+    board: int = ANKLE,
+    incarnation: int = 1,
+    state: State = State.RUNNING,
+) -> bytes:
+    return encode(torque_frame(tick, torque_nm, board=board, incarnation=incarnation, state=state))
+
+
+def opened(lockstep: Lockstep) -> dict[int, Observation]:
+    """Begin and open a tick; what each board that is there is told."""
+    lockstep.begin()
+    return {board: decode(Observation, payload) for board, payload in lockstep.open()}
+
+
+def reply(
+    lockstep: Lockstep, board: int, torque_nm: float = 0.0, state: State = State.RUNNING
+) -> bool:
+    """Answer the open tick for a board, as the incarnation that it is."""
+    incarnation = lockstep.roster.incarnations[board]
+    payload = answer(lockstep.tick, torque_nm, board=board, incarnation=incarnation, state=state)
+    return lockstep.answer(board, payload)
+
+
+def finish(lockstep: Lockstep, *torques_nm: float) -> TickRecord:
+    """Answer the open tick for everybody who has not, and close it."""
+    for board in lockstep.waiting_for:
+        assert reply(lockstep, board, torques_nm[board] if torques_nm else 0.0)
+    return lockstep.close()
+
+
+def play(lockstep: Lockstep, *torques_nm: float) -> TickRecord:
+    """One tick in which everybody who is there answers at once."""
+    opened(lockstep)
+    return finish(lockstep, *torques_nm)
+
+
+def happened(record: TickRecord, what: str) -> list[list[object]]:
+    """What events of one kind a tick records, without the name of the kind."""
+    return [event[1:] for event in record.events if event[0] == what]

@@ -1,0 +1,113 @@
+"""Real processes of one robot, as somebody would start them by hand."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from deploy.scenario import load
+from deploy.trajectory import trajectory
+from deploy.twin import run_twin
+from protocol.scenario import ResolvedScenario, canonical
+
+PATIENCE_S = 30.0
+"""For what must happen, however slow the machine is."""
+
+Process = subprocess.Popen[str]
+
+
+class Rig:
+    """Processes of one robot, started by hand: ports of its own, output kept in files."""
+
+    def __init__(self, folder: Path, scenario: ResolvedScenario) -> None:
+        self.folder = folder
+        self.scenario = scenario
+        self.file = folder / "scenario.json"
+        self.file.write_bytes(canonical(scenario.values))
+        self.processes: list[Process] = []
+
+    def start(self, *command: str, name: str = "") -> Process:
+        """Start `python -m COMMAND`; what it says goes to `said`."""
+        log = (self.folder / f"{name or command[0]}.{len(self.processes)}.log").open("w")
+        with log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", *command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                text=True,
+                start_new_session=True,
+            )
+        process.log = Path(log.name)  # type: ignore[attr-defined]
+        self.processes.append(process)
+        return process
+
+    def plant(self, *options: str) -> Process:
+        return self.start("plant_server", "--scenario", str(self.file), *options)
+
+    def board(self, joint: str, *options: str) -> Process:
+        return self.start("module_agent", joint, "--scenario", str(self.file), *options)
+
+    def free(self) -> bool:
+        """Whether every port of the rig can be listened on again."""
+        rig = self.scenario.values["rig"]
+        ports = range(rig["base_port"], rig["base_port"] + 1 + len(self.scenario.joints))
+        return all(_can_listen(rig["host"], port) for port in ports)
+
+
+def said(process: Process) -> str:
+    """What a process has written so far."""
+    path: Path = process.log  # type: ignore[attr-defined]
+    return path.read_text()
+
+
+def eventually(condition: Callable[[], object], patience_s: float = PATIENCE_S) -> None:
+    """Wait until something is so; fail if it never is."""
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def children_of(pid: int) -> list[int]:
+    """Processes that a process has started and that still run."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
+            if int(fields[1]) == pid and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and was not waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def _can_listen(host: str, port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError:
+            return False
+        return True
+
+
+def twin_digest(*settings: str, source: str = "paper") -> str:
+    """The trajectory that the twin has for a scenario."""
+    scenario = load(source, list(settings))
+    return trajectory(scenario.values, *run_twin(scenario)).state_sha256
+
+
+def decmesh(*arguments: str, patience_s: float = 120.0) -> subprocess.CompletedProcess[str]:
+    """Run a command of `decmesh` to its end."""
+    command = [sys.executable, "-m", "deploy", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)

@@ -1,0 +1,158 @@
+"""The architecture is a test: who may import what, how large a piece may grow, what lies where."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PRODUCT = ("protocol", "module_agent", "plant_server", "deploy")
+FOLDERS = {*PRODUCT, "tests", ".ci"}
+SCRATCH = {"runs", "build", "__pycache__"}
+"""What using the project leaves at the top level."""
+
+RUNTIMES = {
+    "module_agent/post.py",
+    "module_agent/runtime.py",
+    "plant_server/__main__.py",
+    "plant_server/post.py",
+    "plant_server/runtime.py",
+}
+TALKS_TO_A_RIG = {"deploy/live.py"}
+"""Modules of `deploy` that may open a Zenoh session."""
+IMPURE = {
+    *RUNTIMES,
+    "module_agent/__main__.py",
+    "plant_server/__main__.py",
+    "protocol/process.py",  # Ends a process; no frame passes through it.
+}
+LINES_MAX = 300
+FUNCTION_LINES_MAX = 50
+
+
+def _files(*packages: str) -> list[Path]:
+    files = [path for package in packages for path in sorted((ROOT / package).rglob("*.py"))]
+    assert files, f"no code in {packages}"
+    return files
+
+
+def _name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def _imports(path: Path) -> set[str]:
+    """Every module imported anywhere in a file, also within functions, by its top-level name."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{_name(path)}: imports are absolute"
+            assert node.module is not None
+            found.add(node.module.partition(".")[0])
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            raise AssertionError(f"{_name(path)}: imports what cannot be read from its text")
+    return found
+
+
+def _importers(module: str, *packages: str) -> set[str]:
+    return {_name(path) for path in _files(*packages) if module in _imports(path)}
+
+
+@pytest.mark.parametrize(
+    ("package", "strangers"),
+    [
+        ("protocol", {"module_agent", "plant_server", "deploy", "tests"}),
+        ("module_agent", {"plant_server", "deploy", "tests"}),
+        ("plant_server", {"module_agent", "deploy", "tests"}),
+        ("deploy", {"tests"}),
+    ],
+)
+def test_packages_know_only_what_is_below_them(package: str, strangers: set[str]) -> None:
+    """module_agent -> protocol <- plant_server; only `deploy` and the tests see both."""
+    for stranger in strangers:
+        assert _importers(stranger, package) == set()
+
+
+def test_the_protocol_needs_the_standard_library_and_msgpack() -> None:
+    for path in _files("protocol"):
+        foreign = _imports(path) - set(sys.stdlib_module_names) - {"protocol", "msgpack"}
+        assert not foreign, _name(path)
+
+
+def test_a_board_needs_no_more_than_the_protocol_and_zenoh() -> None:
+    for path in _files("module_agent"):
+        foreign = _imports(path) - set(sys.stdlib_module_names) - {"protocol", "module_agent"}
+        assert foreign <= {"zenoh"}, _name(path)
+
+
+def test_zenoh_is_in_the_runtimes_and_in_what_talks_to_a_rig() -> None:
+    assert _importers("zenoh", *PRODUCT) == RUNTIMES | TALKS_TO_A_RIG
+    assert all(name.startswith("deploy/") for name in TALKS_TO_A_RIG)
+
+
+@pytest.mark.parametrize(
+    "clock_or_chance",
+    ["time", "datetime", "random", "secrets", "socket", "threading", "asyncio", "uuid"],
+)
+def test_pure_code_has_no_clock_no_chance_and_no_network(clock_or_chance: str) -> None:
+    """The tick is its only clock; what it does follows from the bytes that it was given."""
+    found = _importers(clock_or_chance, "protocol", "module_agent", "plant_server")
+    assert found <= IMPURE
+
+
+@pytest.mark.parametrize("module", ["module_agent.runtime", "module_agent.__main__"])
+def test_a_board_process_loads_nothing_heavy(module: str) -> None:
+    """A microcontroller's worth of libraries: it starts in well under 0.2 s."""
+    code = f"import sys, {module}; print(*sorted({{m.partition('.')[0] for m in sys.modules}}))"
+    child = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    loaded = set(child.stdout.split())
+    assert "module_agent" in loaded
+    heavy = {"numpy", "scipy", "matplotlib", "pydantic", "typer", "rich", "mcap", "asyncio"}
+    assert not loaded & (heavy | {"plant_server", "deploy"})
+
+
+@pytest.mark.parametrize("path", _files(*PRODUCT), ids=_name)
+def test_files_stay_readable_in_one_go(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= LINES_MAX
+
+
+@pytest.mark.parametrize("path", _files(*PRODUCT), ids=_name)
+def test_functions_stay_readable_at_a_glance(path: Path) -> None:
+    long = {
+        node.name: lines
+        for node in ast.walk(ast.parse(path.read_bytes()))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (lines := (node.end_lineno or 0) - node.lineno + 1) > FUNCTION_LINES_MAX
+    }
+    assert not long
+
+
+@pytest.mark.parametrize("path", _files(*PRODUCT), ids=_name)
+def test_every_module_opens_with_its_theory(path: Path) -> None:
+    assert ast.get_docstring(ast.parse(path.read_bytes()))
+
+
+def _top_level_folders() -> Iterator[str]:
+    """Of the files under version control; of those that lie here where there is none."""
+    listing = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if listing.returncode == 0 and listing.stdout:
+        yield from (file.partition("/")[0] for file in listing.stdout.split("\0") if "/" in file)
+        return
+    for path in ROOT.iterdir():
+        hidden = path.name.startswith(".") and path.name not in FOLDERS
+        scratch = path.name in SCRATCH or path.suffix == ".egg-info"
+        if path.is_dir() and not hidden and not scratch:
+            yield path.name
+
+
+def test_the_top_level_is_fixed() -> None:
+    assert set(_top_level_folders()) <= FOLDERS
+    assert set(PRODUCT) <= set(_top_level_folders())
