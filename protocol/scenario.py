@@ -12,6 +12,9 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+KEYS = frozenset({"board", "election", "event", "link", "link_names", "name", "rig", "run"})
+"""What every resolved scenario has."""
+
 
 class ScenarioError(Exception):
     """The scenario cannot be used; the message is what the user should read."""
@@ -53,9 +56,15 @@ def load(source: str, overrides: list[str]) -> ResolvedScenario:
     """
     if source.endswith(".json"):
         try:
-            return resolved(json.loads(Path(source).read_bytes()))
-        except (OSError, ValueError) as error:
+            values = json.loads(Path(source).read_bytes())
+            lacking = sorted(KEYS - set(values))
+        except (OSError, TypeError, ValueError) as error:
             raise ScenarioError(f"{source}: {error}") from error
+        if lacking:
+            raise ScenarioError(
+                f"{source}: no resolved scenario of this version; {lacking[0]!r} is missing"
+            )
+        return resolved(values)
     settings = [word for override in overrides for word in ("--set", override)]
     command = [sys.executable, "-m", "deploy", "check", source, "--resolved", *settings]
     check = subprocess.run(command, capture_output=True, text=True, check=False)

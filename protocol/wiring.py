@@ -6,6 +6,7 @@ pair dials (zenoh issue 2806): the upper board dials the lower one, every board 
 """
 
 import os
+from functools import cache
 from typing import Any, NamedTuple
 
 LEASE_LOCKSTEP_MS = 3_600_000
@@ -49,6 +50,7 @@ def network_trouble(endpoint: str, detail: str) -> str:
     return f"cannot listen at {endpoint}: {detail}"
 
 
+@cache
 def neighbours(board: int, boards: int) -> tuple[int, ...]:
     """Indices of the boards that share a joint or a link with this one, from the ground up."""
     return tuple(i for i in (board - 1, board + 1) if 0 <= i < boards)

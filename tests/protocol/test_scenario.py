@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.scenario import ScenarioError, canonical, load, resolved, run_id
+from protocol.scenario import KEYS, ScenarioError, canonical, load, resolved, run_id
 
 VALUES: dict[str, Any] = {
     "name": "paper",
@@ -79,13 +79,14 @@ def test_a_run_id_has_a_fixed_width_and_follows_from_the_digest(digest: bytes) -
 
 def test_a_resolved_scenario_is_read_back_with_its_digest(tmp_path: Path) -> None:
     file = tmp_path / "resolved.json"
-    file.write_text(json.dumps(VALUES, indent=2))
+    values = {**dict.fromkeys(KEYS), **VALUES}
+    file.write_text(json.dumps(values, indent=2))
     scenario = load(str(file), [])
-    assert scenario == resolved(VALUES)
+    assert scenario == resolved(values)
     assert scenario.joints == ["ankle", "hip"]
 
 
-@pytest.mark.parametrize("text", [None, "", "{", "\xff"])
+@pytest.mark.parametrize("text", [None, "", "{", "\xff", "{}", "[]", "3"])
 def test_a_file_that_cannot_be_read_is_one_line_for_the_user(
     tmp_path: Path, text: str | None
 ) -> None:

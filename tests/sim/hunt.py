@@ -1,0 +1,138 @@
+"""One seed: safety while everything goes wrong, then everything heals and liveness is asked for.
+
+find(seed)      plays it and returns what was seen, or the law that was broken
+"""
+
+import hashlib
+from typing import NamedTuple
+
+from plant_server.record import TickRecord
+from protocol.frames import TorqueFrame, decode
+from protocol.states import State
+from tests.sim.broken import BrokenLawError
+from tests.sim.laws import Laws, law
+from tests.sim.plans import Plan, plan
+from tests.sim.robot import Robot
+
+DRAIN_TICKS_MAX = 1000
+"""Within so many ticks all commands are carried out that a run can have left."""
+COMPARED_EVERY = 8
+"""One seed of so many is played again without noise."""
+
+
+class Found(NamedTuple):
+    """What became of a seed."""
+
+    seed: int
+    ticks: int
+    digest: str
+    """Of everything recorded."""
+    fell: bool
+    claimed_epochs: int
+    """How often S13 was claimed."""
+    broken: str = ""
+    """The tick and the law, if one was broken."""
+
+
+class Game:
+    """One run of a plan."""
+
+    def __init__(self, plan: Plan, *, quiet: bool = False) -> None:
+        self.plan = plan
+        self.robot = Robot(plan, quiet=quiet)
+        self.laws = Laws(self.robot)
+        self.records: list[TickRecord] = []
+        self.said: dict[int, TorqueFrame] = {}
+
+    def play(self) -> None:
+        """Play it to the end, or until the body falls."""
+        lockstep, until = self.robot.lockstep, self.plan.faulty_ticks
+        while lockstep.tick < until and not lockstep.over:
+            self._tick()
+        self.robot.heal()
+        drained = lockstep.tick + DRAIN_TICKS_MAX
+        while not self.robot.healed and not lockstep.over:
+            law(lockstep.tick < drained, "commands are carried out in the end")
+            self._tick()
+        if not lockstep.over:
+            self._live()
+
+    def _live(self) -> None:
+        """One epoch after the delay lines are full, one board is enabled and all are running."""
+        values, agreement = self.plan.scenario.values, self.laws.agreement
+        lockstep = self.robot.lockstep
+        delay_ticks = max(board["lumped_delay_ticks"] for board in values["board"])
+        full_tick = lockstep.tick + delay_ticks
+        period_ticks = agreement.period_ticks
+        begins_tick = -(-full_tick // period_ticks) * period_ticks
+        latch_tick = begins_tick + agreement.rounds
+        # A board that reckons no longer passes over samples (`BodyView.for_below`); the gap goes
+        # through the delay line of the boards below, which may be longer than an epoch.
+        settled_tick = full_tick + max(period_ticks, delay_ticks)
+        last_tick = max(latch_tick, settled_tick) + period_ticks
+        while lockstep.tick <= last_tick and not lockstep.over:
+            self._tick()
+            tick = lockstep.tick - 1
+            if lockstep.over:
+                return
+            if tick >= latch_tick:
+                enabled = [board for board, frame in self.said.items() if frame.enabled]
+                law(len(enabled) == 1, "one board is enabled once all is healed", enabled)
+            if tick >= settled_tick:
+                states = {board: State(frame.state).name for board, frame in self.said.items()}
+                running = set(states.values()) == {"RUNNING"}
+                law(running and len(states) == lockstep.size, "all are running", states)
+
+    def _tick(self) -> None:
+        record = self.robot.tick()
+        self.records.append(record)
+        self.said = self.laws.check(record)
+
+    def motion(self) -> list[tuple[object, ...]]:
+        """What noise must not change: the motion, and what moved it."""
+        return [
+            (
+                record.tick,
+                record.angles_rad,
+                record.rates_rad_s,
+                record.torques_nm,
+                record.events,
+                [decode(TorqueFrame, said)[3:11] if said else None for said in record.answers],
+            )
+            for record in self.records
+        ]
+
+
+def find(seed: int) -> Found:
+    """Play a seed; never raises."""
+    game = Game(plan(seed))
+    broken = _broken(game)
+    if not broken and seed % COMPARED_EVERY == 0:
+        quiet = Game(game.plan, quiet=True)
+        broken = _broken(quiet)
+        if not broken and repr(quiet.motion()) != repr(game.motion()):
+            broken = _difference(game, quiet)
+    return Found(
+        seed=seed,
+        ticks=len(game.records),
+        digest=hashlib.sha256(repr(game.records).encode()).hexdigest(),
+        fell=game.robot.lockstep.body.fallen,
+        claimed_epochs=game.laws.agreement.claimed_epochs,
+        broken=broken,
+    )
+
+
+def _broken(game: Game) -> str:
+    try:
+        game.play()
+    except BrokenLawError as error:
+        return f"tick {game.robot.lockstep.tick}: {error}"
+    except Exception as error:  # noqa: BLE001 - whatever it is, it should not have happened.
+        return f"tick {game.robot.lockstep.tick}: raised {error!r}"
+    return ""
+
+
+def _difference(game: Game, quiet: Game) -> str:
+    pairs = zip(game.motion(), quiet.motion(), strict=False)
+    tick = next((str(a[0]) for a, b in pairs if repr(a) != repr(b)), "the end")
+    return f"tick {tick}: noise changes nothing: another motion than without it"
