@@ -30,12 +30,7 @@ class Twin:
     def tick(self) -> TickRecord:
         """Play one tick of all processes, in an order that no board can notice."""
         lockstep = self.lockstep
-        match lockstep.begin():
-            case ["unplug", int(board)]:
-                self.boards[board] = None
-                lockstep.remove(board, "unplugged")
-            case ["plug", int(board)]:
-                self._plug(board)
+        self._boundary()
         said = []
         for index, payload in lockstep.open():
             firmware = self.boards[index]
@@ -51,6 +46,15 @@ class Twin:
         """Play ticks, warm-up included, until the run is over."""
         while not self.lockstep.over:
             yield self.tick()
+
+    def _boundary(self) -> None:
+        """Between two ticks: take away or put in the board that the plant asks for."""
+        match self.lockstep.begin():
+            case ["unplug", int(board)]:
+                self.boards[board] = None
+                self.lockstep.remove(board, "unplugged")
+            case ["plug", int(board)]:
+                self._plug(board)
 
     def _deliver(self, sender: Board, payloads: tuple[bytes, ...]) -> None:
         index = sender.config.index

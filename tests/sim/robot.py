@@ -108,13 +108,7 @@ class Robot(Twin):
         return idle and all(self.boards) and not any(self.lockstep.roster._outboxes)
 
     def _boundary(self) -> None:
-        lockstep = self.lockstep
-        match lockstep.begin():
-            case ["unplug", int(board)]:
-                self.boards[board] = None
-                lockstep.remove(board, "unplugged")
-            case ["plug", int(board)]:
-                self._plug(board)
+        super()._boundary()
         for board, firmware in enumerate(self.boards):
             if firmware is None:
                 self._come(board)
