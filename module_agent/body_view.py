@@ -8,7 +8,7 @@ A board's own sensors give its joint. The orientation of its link comes from its
 the board above (its orientation minus the joint between), and so does the mass that it carries.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from module_agent.kinematics import (
     NOTHING,
@@ -25,6 +25,7 @@ from protocol.states import State
 HOLD_TICKS_MAX = 5
 EXTRAPOLATE_TICKS_MAX = 20
 GAP_TICKS_MAX = HOLD_TICKS_MAX + EXTRAPOLATE_TICKS_MAX
+FORGET_EVERY_TICKS = 32
 LATENESS_TICKS_MAX = 64
 """A frame that is later than this says nothing of use any more."""
 
@@ -74,12 +75,14 @@ class BodyView:
         self._shape: CarriedShape | None = None
 
     def forget(self, tick: int) -> None:
-        """Drop what is too old to be of use in `tick`; called in every tick."""
+        """Drop what is too old to be of use in `tick`, now and then; called in every tick."""
+        if tick % FORGET_EVERY_TICKS:
+            return
         expired = tick - self._kept_ticks
-        self._joint.pop(expired, None)
-        self._imu.pop(expired, None)
-        self._lower.pop(expired, None)
-        self._complete.pop(expired, None)
+        stores: tuple[dict[int, Any], ...] = self._joint, self._imu, self._lower, self._complete
+        for store in stores:
+            for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
+                del store[old]
 
     def sense(self, tick: int, joint: Turn, imu: Turn, *, top: bool) -> None:
         """Store this board's own sensors; at the top of the chain they are a complete sample."""

@@ -24,10 +24,13 @@ class Post:
 
     def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
         self.session = session
+        self.boot = boot
+        """Names this start of the firmware."""
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Observations as they come, everything else with its kind."""
         self.heard: list[deque[zenoh.Sample]] = [deque() for _ in config.neighbours]
         """Frames of each neighbour. They wake nobody: without an observation they are no use."""
+        self._neighbours = config.neighbour_joints
         joint, alive = config.joint, session.liveliness()
         self._torque = self._publisher(keys.torque(rig, joint))
         self._stalled = self._publisher(keys.stalled(rig, joint))
@@ -67,6 +70,11 @@ class Post:
     def ask(self, request: bytes, timeout_s: float) -> None:
         """Ask the plant to be let in; its answer comes as an event."""
         self.session.get(keys.ENROL, self._left(REPLY), payload=request, timeout=timeout_s)
+
+    def links_down(self) -> list[str]:
+        """Neighbours that would not hear what is said to them."""
+        links = zip(self._neighbours, self.links_up(), strict=True)
+        return [joint for joint, up in links if not up]
 
     def links_up(self) -> list[bool]:
         """For each link, whether what is said on it is heard at the other end."""

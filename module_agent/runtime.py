@@ -29,7 +29,7 @@ from protocol.frames import (
     decode,
     encode,
 )
-from protocol.process import ignore_signals
+from protocol.process import ignore_signals, restarted_when_stuck
 from protocol.scenario import ResolvedScenario
 from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
 
@@ -69,15 +69,19 @@ def serve(joint: str, scenario: ResolvedScenario) -> int:
     config = board_config(scenario.values, joint)
     set_runtime_threads()
     trouble = None
-    try:
-        session = _open(board_session(rig, config.index))
-    except zenoh.ZError as error:
-        # Perhaps another process drives this joint already. The plant knows.
-        trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
-        session = _open(board_session(rig, config.index, listens=False))
+    with restarted_when_stuck():
+        try:
+            session = _open(board_session(rig, config.index))
+        except zenoh.ZError as error:
+            # Perhaps another process drives this joint already. The plant knows.
+            trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
+            session = _open(board_session(rig, config.index, listens=False))
     with session:
         try:
-            Runtime(session, config, scenario, rig, trouble=trouble).run()
+            with restarted_when_stuck():
+                boot = int.from_bytes(os.urandom(8), "little") >> 1
+                post = Post(session, config, rig=rig.name, boot=boot)
+            Runtime(post, config, scenario, rig, trouble=trouble).run()
         except FinishedError as finished:
             if finished.code != ExitCode.OK:
                 print(f"{joint}: {finished}", file=sys.stderr)
@@ -91,14 +95,14 @@ def _open(config: dict[str, Any]) -> zenoh.Session:
 
 
 class Runtime:
-    """One board process, from its session to the end of the run.
+    """One board process, from its place on the network to the end of the run.
 
     With `trouble`, no neighbour can reach it: it asks the plant once, to be told why.
     """
 
     def __init__(
         self,
-        session: zenoh.Session,
+        post: Post,
         config: BoardConfig,
         scenario: ResolvedScenario,
         rig: Rig,
@@ -109,15 +113,15 @@ class Runtime:
         self.config = config
         self.scenario = scenario
         self.rig = rig
-        self.boot = int.from_bytes(os.urandom(8), "little") >> 1
         self.board: Board | None = None
         self.pending: Observation | None = None
         self.last: Spoken | None = None
         """What was said in the last tick."""
         self._stall_told = False
+        self._former_run = 0
         self._give_up_s = math.inf
         self._early: bytes | None = None
-        self.post = Post(session, config, rig=rig.name, boot=self.boot)
+        self.post = post
         self._waiting_since = time.monotonic()
         self._told = ""
 
@@ -197,6 +201,8 @@ class Runtime:
     def _enrol_again(self, why: str) -> None:
         """Begin anew: what this board has seen so far means nothing any more."""
         self._tell(why)
+        if self.last is not None and self.board is not None:
+            self._former_run = self.board.run_id
         self.board = self.pending = self.last = self._early = None
         self.post.forget()
         self._ask()
@@ -215,12 +221,9 @@ class Runtime:
         if self.trouble is not None:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
-        if self.board is None:
-            self.board = Board(
-                self.config,
-                run_id=answer.run_id,
-                incarnation=answer.incarnation,
-            )
+        ticking = self.last is not None
+        if self.board is None or (self.board.run_id != answer.run_id and not ticking):
+            self.board = Board(self.config, run_id=answer.run_id, incarnation=answer.incarnation)
             if self._early is not None:
                 self._observe(self._early)
 
@@ -241,8 +244,9 @@ class Runtime:
             joint=self.config.joint,
             incarnation=0 if self.board is None else self.board.incarnation,
             scenario_digest=self.scenario.digest,
-            boot=self.boot,
+            boot=self.post.boot,
             links_up=sum(up << n for n, up in enumerate(self.post.links_up())),
+            former_run=self._former_run,
             mass_kg=link.mass_kg,
             length_m=link.length_m,
             com_m=link.com_m,
@@ -273,14 +277,8 @@ class Runtime:
                 sender = self.config.neighbour_joints[link]
                 self._tell(f"waiting for {sender}'s frame of tick {self.pending.tick - 1}")
         elif not ticking:
-            down = [
-                joint
-                for joint, up in zip(
-                    self.config.neighbour_joints, self.post.links_up(), strict=True
-                )
-                if not up
-            ]
-            self._tell(f"enrolled; waiting for {', '.join(down) or 'the other boards'}")
+            others = ", ".join(self.post.links_down()) or "the other boards"
+            self._tell(f"enrolled; waiting for {others}")
 
     def _report_stall(self, board: Board, pending: Observation) -> None:
         """Tell the plant whose frame is not there; it decides what to do about it (S6)."""

@@ -7,12 +7,19 @@ from pathlib import Path
 
 import zenoh
 
+from plant_server.post import Post
 from plant_server.record import COMPLETE, FELL, Outcome, fall_line
 from plant_server.runtime import STOPPED, Options, Runtime
 from plant_server.spool import SpoolWriter
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError, ignore_signals, stop_at_end_of_input, stop_on_signals
+from protocol.process import (
+    StoppedError,
+    ignore_signals,
+    restarted_when_stuck,
+    stop_at_end_of_input,
+    stop_on_signals,
+)
 from protocol.scenario import ResolvedScenario, ScenarioError, load
 from protocol.wiring import network_trouble, plant_session, rig_of, set_runtime_threads
 
@@ -46,16 +53,19 @@ def serve(scenario: ResolvedScenario, options: Options) -> int:
     rig = rig_of(scenario.values)
     set_runtime_threads()
     try:
-        session = zenoh.open(zenoh.Config.from_json5(json.dumps(plant_session(rig))))
+        with restarted_when_stuck():
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(plant_session(rig))))
     except zenoh.ZError as error:
         print(f"plant: {network_trouble(rig.endpoint(0), str(error))}", file=sys.stderr)
         return ExitCode.NO_NETWORK
     with session:
         writer = None
         try:
+            with restarted_when_stuck():
+                post = Post(session, rig, scenario.joints)
             if options.spool is not None:
                 writer = SpoolWriter(options.spool, scenario.values)
-            outcome = Runtime(session, scenario, rig, options, writer).run()
+            outcome = Runtime(post, scenario, rig, options, writer).run()
         except OSError as error:
             print(f"plant: cannot write {options.spool}: {error.strerror}", file=sys.stderr)
             return ExitCode.NO_OUTPUT

@@ -3,12 +3,15 @@
 Rule 1: every request is answered, and a refusal names both sides.
 Rule 2: a joint has one driver. Another boot is let in only when the one before is gone.
 Rule 3: incarnations are counted per joint, so they do not depend on who came first.
+Rule 4: boards that outlived the plant before this one tell in which run they were; the next one has
+        another name, so that nothing said in the old one fits.
 """
 
 from dataclasses import dataclass
 
 from protocol.enrolment import EnrolmentReply, EnrolmentRequest, Verdict
 from protocol.frames import VERSION
+from protocol.scenario import next_run_id
 from protocol.wiring import neighbours
 
 
@@ -20,6 +23,8 @@ class Seat:
     boot: int | None = None
     """None: nobody is there."""
     links_up: int = 0
+    told_run: int = 0
+    """The run that it was last told of."""
 
 
 class Enrolment:
@@ -30,7 +35,15 @@ class Enrolment:
         self.joints = joints
         self.digest = digest
         self.run_id = run_id
+        self.begun = False
+        """The run has had its first tick, and keeps its name."""
         self.seats = [Seat() for _ in joints]
+
+    @property
+    def absent(self) -> list[str]:
+        """Joints that have no board."""
+        seats = zip(self.joints, self.seats, strict=True)
+        return [joint for joint, seat in seats if seat.boot is None]
 
     def decide(self, request: EnrolmentRequest) -> EnrolmentReply:
         """Let a board in, or say why not. Asking again changes nothing but `links_up`."""
@@ -42,6 +55,9 @@ class Enrolment:
                 seat.incarnation += 1
                 seat.boot = request.boot
             seat.links_up = request.links_up
+            if request.former_run == self.run_id and not self.begun:
+                self.run_id = next_run_id(self.run_id)
+            seat.told_run = self.run_id
             incarnation = seat.incarnation
         return EnrolmentReply(VERSION, verdict, reason, self.run_id, incarnation)
 
@@ -61,7 +77,7 @@ class Enrolment:
 
     def linked(self, board: int) -> bool:
         """Whether a board is here, and hears and is heard by each neighbour that is here too."""
-        if self.seats[board].boot is None:
+        if self.seats[board].boot is None or self.seats[board].told_run != self.run_id:
             return False
         return all(
             self._reaches(board, other) and self._reaches(other, board)

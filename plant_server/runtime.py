@@ -35,7 +35,6 @@ PROGRESS_EVERY_S = 0.1
 FAREWELL_S = 0.5
 """How long the plant waits for boards to have heard that the run is over."""
 
-
 STOPPED = "stopped"
 """The ending of a run that was told to stop."""
 
@@ -52,11 +51,11 @@ class Options(NamedTuple):
 
 
 class Runtime:
-    """One plant process, from its session to the end of the run."""
+    """One plant process, from its place on the network to the end of the run."""
 
     def __init__(
         self,
-        session: zenoh.Session,
+        post: Post,
         scenario: ResolvedScenario,
         rig: Rig,
         options: Options,
@@ -66,12 +65,12 @@ class Runtime:
         self.options = options
         self.writer = writer
         self.joints = scenario.joints
-        self.run_id = run_id(scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
+        name = run_id(scenario.digest)
+        self.lockstep = Lockstep(plant_config(scenario.values), run_id=name)
         self.enrolment = Enrolment(
-            rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=self.run_id
+            rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=name
         )
-        self.post = Post(session, rig, self.joints)
+        self.post = post
         self._released_s: float | None = None
         self._shown_s = 0.0
         self._told = ""
@@ -84,8 +83,11 @@ class Runtime:
     def run(self) -> Outcome:
         """Wait for every board, then tick to the end. Returns how the run ended."""
         try:
-            for board in range(len(self.joints)):
-                self._wait_for(board)
+            while not all(map(self._connected, range(len(self.joints)))):
+                for board in range(len(self.joints)):
+                    self._wait_for(board)
+            self.enrolment.begun = True
+            self.lockstep.run_id = self.enrolment.run_id
             for board in range(len(self.joints)):
                 self._admit(board)
         except StoppedError:
@@ -143,13 +145,8 @@ class Runtime:
             with suppress(Empty):
                 self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
             if time.monotonic() - started > TELL_AFTER_S:
-                absent = [
-                    joint
-                    for joint, seat in zip(self.joints, self.enrolment.seats, strict=True)
-                    if seat.boot is None
-                ]
                 links = f"the links of {self.joints[board]}"
-                self._tell(f"waiting for {', '.join(absent) or links}")
+                self._tell(f"waiting for {', '.join(self.enrolment.absent) or links}")
 
     def _connected(self, board: int) -> bool:
         return self.enrolment.linked(board) and self.post.reaches(board)
@@ -237,7 +234,11 @@ class Runtime:
             frame = decode(Stalled, sample.payload.to_bytes())
             joint = keys.joint_of(str(sample.key_expr))
             board = self.joints.index(joint)
-            current = (self.run_id, self.lockstep.roster.incarnations[board], self.lockstep.tick)
+            current = (
+                self.enrolment.run_id,
+                self.lockstep.roster.incarnations[board],
+                self.lockstep.tick,
+            )
             adjacent = frame.sender in neighbours(board, len(self.joints))
             if adjacent and frame[:3] == current and board in self.lockstep.waiting_for:
                 self._starved[board] = frame.sender
@@ -277,7 +278,7 @@ class Runtime:
     def _farewell(self, reason: str) -> None:
         """Tell the boards that the run is over, and give them time to hear it."""
         self._ending = True
-        self.post.end(encode(End(self.run_id, shortened(reason))))
+        self.post.end(encode(End(self.enrolment.run_id, shortened(reason))))
         deadline = time.monotonic() + FAREWELL_S
         while any(seat.boot is not None for seat in self.enrolment.seats):
             if time.monotonic() > deadline:

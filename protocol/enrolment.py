@@ -48,6 +48,8 @@ class EnrolmentRequest(NamedTuple):
     """Random number of this start of the firmware: it names the process behind a joint."""
     links_up: int
     """Bit n: frames put for neighbour n (counted from the ground) will be heard by it."""
+    former_run: int
+    """The run in which it last took part; 0: none since it booted."""
     mass_kg: float
     length_m: float
     com_m: float
@@ -64,10 +66,10 @@ class EnrolmentReply(NamedTuple):
     incarnation: int
 
 
-_REQUEST_TYPES = (int, str, str, int, bytes, int, int, float, float, float, float)
+_REQUEST_TYPES = (int, str, str, int, bytes, int, int, int, float, float, float, float)
 _REPLY_TYPES = (int, int, str, int, int)
 _FIXED_TYPES = _REQUEST_TYPES[:5]
-_NOTHING_ELSE = (0, 0, 0.0, 0.0, 0.0, 0.0)
+_NOTHING_ELSE = (0, 0, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def encode_enrolment(message: EnrolmentRequest | EnrolmentReply) -> bytes:

@@ -5,10 +5,16 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 STOP_PATIENCE_S = 1.5
 """How long a process may take to close its session before it is ended from within."""
+
+
+START_PATIENCE_S = 5.0
+"""How long opening a session and declaring everything may take: it needs a tenth of a second."""
 
 
 class StoppedError(Exception):
@@ -43,3 +49,24 @@ def stop_at_end_of_input() -> None:
         os._exit(signal.SIGTERM)
 
     threading.Thread(target=watch, name="lifeline", daemon=True).start()
+
+
+@contextmanager
+def restarted_when_stuck(patience_s: float = START_PATIENCE_S) -> Iterator[None]:
+    """Start this process anew if what is done within takes too long, as a watchdog resets a board.
+
+    Zenoh can lock itself up when a link comes up in the middle of a declaration (zenoh-c issue
+    1308): rare, but for ever, and no signal ends it.
+    """
+
+    def restart() -> None:
+        print("stuck while it joined the network; starting again", file=sys.stderr, flush=True)
+        os.execv(sys.executable, sys.orig_argv)  # noqa: S606 - it is this very program
+
+    watchdog = threading.Timer(patience_s, restart)
+    watchdog.daemon = True
+    watchdog.start()
+    try:
+        yield
+    finally:
+        watchdog.cancel()

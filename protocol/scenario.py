@@ -49,6 +49,11 @@ def run_id(digest: bytes) -> int:
     return int.from_bytes(digest[:4], "little") | 0x8000_0000
 
 
+def next_run_id(former: int) -> int:
+    """Name of the run that follows when a plant is started again before its boards have gone."""
+    return (former + 1) & 0xFFFF_FFFF | 0x8000_0000
+
+
 def load(source: str, overrides: list[str]) -> ResolvedScenario:
     """Read a resolved scenario (`.json`), or have `deploy` check and resolve any other.
 

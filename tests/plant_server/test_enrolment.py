@@ -18,7 +18,9 @@ BELOW, ABOVE = 1, 2
 """Bits of `links_up` of the board in the middle."""
 
 
-def request(board: int, boot: int | None = None, links_up: int = 0) -> EnrolmentRequest:
+def request(
+    board: int, boot: int | None = None, links_up: int = 0, former_run: int = 0
+) -> EnrolmentRequest:
     return EnrolmentRequest(
         version=VERSION,
         rig="robot",
@@ -27,6 +29,7 @@ def request(board: int, boot: int | None = None, links_up: int = 0) -> Enrolment
         scenario_digest=DIGEST,
         boot=BOOTS[board] if boot is None else boot,
         links_up=links_up,
+        former_run=former_run,
         mass_kg=10.0,
         length_m=0.5,
         com_m=0.25,
@@ -164,3 +167,22 @@ def test_a_robot_of_one_joint_has_no_links() -> None:
     desk = Enrolment(rig="robot", joints=["ankle"], digest=DIGEST, run_id=RUN)
     desk.decide(request(ANKLE))
     assert desk.linked(ANKLE)
+
+
+def test_a_run_has_another_name_than_the_one_that_its_boards_come_from() -> None:
+    """The plant was started again, two of its boards outlived it: nothing of before may fit."""
+    plant = enrolment()
+    assert plant.decide(request(KNEE)).run_id == RUN
+    assert plant.decide(request(HIP, former_run=RUN)).run_id == RUN + 1
+    assert plant.decide(request(ANKLE, former_run=RUN)).run_id == RUN + 1
+    assert not plant.linked(KNEE), "it has been told of the run before"
+    assert plant.decide(request(KNEE)).run_id == RUN + 1
+
+
+def test_a_run_that_has_begun_keeps_its_name() -> None:
+    """A board that was given up on enrols again, and comes from this very run."""
+    plant = enrolment()
+    plant.decide(request(KNEE))
+    plant.begun = True
+    plant.dismiss(KNEE)
+    assert plant.decide(request(KNEE, former_run=RUN)).run_id == RUN

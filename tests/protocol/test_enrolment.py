@@ -29,6 +29,7 @@ REQUESTS = st.builds(
     scenario_digest=st.binary(min_size=32, max_size=32),
     boot=INTS,
     links_up=INTS,
+    former_run=INTS,
     mass_kg=st.floats(allow_nan=False),
     length_m=st.floats(allow_nan=False),
     com_m=st.floats(allow_nan=False),
@@ -42,7 +43,7 @@ REPLIES = st.builds(
     run_id=INTS,
     incarnation=INTS,
 )
-REQUEST = EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 5, 3, 10.0, 0.5, 0.25, 0.2)
+REQUEST = EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 5, 3, 0, 10.0, 0.5, 0.25, 0.2)
 REPLY = EnrolmentReply(1, Verdict.ACCEPTED, "", 2**31, 1)
 
 
@@ -66,7 +67,7 @@ def test_of_another_version_the_first_five_fields_are_read(
     prefix = (version, *request[1:5])
     decoded = decode_request(seal(msgpack.packb([*prefix, *rest])))
     assert decoded[:5] == prefix
-    assert decoded[5:] == (0, 0, 0.0, 0.0, 0.0, 0.0)
+    assert decoded[5:] == (0, 0, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_the_five_fields_that_never_change() -> None:
@@ -126,6 +127,6 @@ def test_the_longest_request_of_a_scenario_fits() -> None:
     """Names have at most 16 characters; every int as long as can be."""
     longest = 2**64 - 1
     request = EnrolmentRequest(
-        longest, "r" * 16, "j" * 16, longest, bytes(32), longest, longest, *[1e-300] * 4
+        longest, "r" * 16, "j" * 16, longest, bytes(32), longest, longest, longest, *[1e-300] * 4
     )
     assert len(encode_enrolment(request)) <= FRAME_BYTES_MAX

@@ -56,7 +56,7 @@ SAMPLES: list[Any] = [
     Stalled(2**31, 1, 7, 2),
 ]
 ENROLMENTS: list[Any] = [
-    EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 10.0, 0.5, 0.25, 0.2),
+    EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 0, 10.0, 0.5, 0.25, 0.2),
     EnrolmentReply(1, 3, "no such joint", 2**31, 0),
 ]
 

@@ -7,6 +7,7 @@ knows to have happened, never against what the product believes of itself.
 from math import copysign, fabs, isfinite
 
 from module_agent.board import Board
+from module_agent.body_view import FORGET_EVERY_TICKS
 from module_agent.hearing import EARLY_FRAMES_MAX, Hearing
 from plant_server.lockstep import INVALID_TORQUE_TICKS_MAX
 from plant_server.record import TickRecord
@@ -107,8 +108,9 @@ class Laws:
         may_be_enabled = driving or frame.tick < 0
         law(not frame.enabled or may_be_enabled, "enabled only when running", frame)
         view = firmware.view
+        bound = view._kept_ticks + FORGET_EVERY_TICKS
         for stored in (view._joint, view._imu, view._lower, view._complete):
-            law(len(stored) <= view._kept_ticks + 1, "S9 stores are bounded", len(stored))
+            law(len(stored) <= bound, "S9 stores are bounded", len(stored))
         index = firmware.config.index
         told = self.lockstep.roster
         if told.incarnations[index] == firmware.incarnation and not told._outboxes[index]:

@@ -12,7 +12,10 @@ import pytest
 
 from deploy import rigs
 from deploy.results import read_run
+from plant_server.spool import read_spool
 from protocol.exit_codes import ExitCode
+from protocol.frames import TorqueFrame, decode
+from protocol.scenario import next_run_id, run_id
 from tests.system.rig import Process, Rig, alive, children_of, eventually, said, twin_digest
 
 GONE_WITHIN_S = 2.0
@@ -95,7 +98,7 @@ def test_a_killed_plant_ends_the_run(launched: Launched) -> None:
 
 
 def test_boards_started_by_hand_wait_for_another_plant(make_rig: Callable[..., Rig]) -> None:
-    """They begin anew with the plant that comes back, as if nothing had been before."""
+    """They begin anew with the plant that comes back, in a run with another name."""
     rig = make_rig("run.duration_s=0.3")
     first = rig.plant("--progress")
     boards = [rig.board(joint) for joint in rig.scenario.joints]
@@ -107,6 +110,9 @@ def test_boards_started_by_hand_wait_for_another_plant(make_rig: Callable[..., R
     run = read_run(rig.folder)
     assert run is not None
     assert run.state_sha256 == twin_digest("run.duration_s=0.3")
+    answers = read_spool(rig.folder / "run.spool").ticks[-1].answers
+    names = {decode(TorqueFrame, answer).run_id for answer in answers}
+    assert names == {next_run_id(run_id(rig.scenario.digest))}
 
 
 def test_boards_started_by_hand_give_up_when_no_plant_comes_back(
