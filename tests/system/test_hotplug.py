@@ -189,6 +189,23 @@ def test_a_frozen_board_is_waited_for_by_name(make_rig: Callable[..., Rig]) -> N
     assert run.state_sha256 == twin_digest("run.duration_s=3"), "waiting changes nothing"
 
 
+def test_a_plant_that_is_paused_in_a_debugger_is_waited_for(make_rig: Callable[..., Rig]) -> None:
+    """No clock on any wall ends a run in lockstep, nor changes it."""
+    rig = make_rig("run.duration_s=3")
+    spool = rig.folder / "run.spool"
+    plant = rig.plant("--progress", "--spool", str(spool))
+    boards = [rig.board(joint) for joint in rig.scenario.joints]
+    eventually(lambda: said(plant))
+    plant.send_signal(signal.SIGSTOP)
+    time.sleep(2.0)
+    assert all(board.poll() is None for board in boards)
+    plant.send_signal(signal.SIGCONT)
+    assert [process.wait(60) for process in (plant, *boards)] == [0, 0, 0, 0]
+    run = read_run(rig.folder)
+    assert run is not None
+    assert run.state_sha256 == twin_digest("run.duration_s=3")
+
+
 def test_with_patience_a_frozen_board_is_left_behind_and_enrols_again(
     make_rig: Callable[..., Rig],
 ) -> None:

@@ -1,5 +1,7 @@
 """What does not fit is refused in one line, with an exit code of its own; nothing is started."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import pytest
 from deploy.scenario import load
 from protocol.enrolment import Verdict
 from protocol.exit_codes import ExitCode, refused
+from protocol.frames import VERSION
 from protocol.scenario import canonical
 from tests.system.rig import Rig, decmesh, eventually, said
 
@@ -43,6 +46,27 @@ def test_boards_that_do_not_fit_are_told_why(make_rig: Callable[..., Rig]) -> No
 
     boards = [rig.board(joint) for joint in rig.scenario.joints]
     assert [process.wait(30) for process in (plant, *boards)] == [0, 0, 0, 0]
+
+
+OF_ANOTHER_VERSION = """
+import sys
+import protocol.frames
+protocol.frames.VERSION += 1
+from module_agent.__main__ import main
+sys.exit(main())
+"""
+
+
+def test_a_board_of_another_version_is_told_so(make_rig: Callable[..., Rig]) -> None:
+    """Its firmware is ours but for the number."""
+    rig = make_rig()
+    plant = rig.plant()
+    eventually(lambda: "waiting for" in said(plant))
+    command = [sys.executable, "-c", OF_ANOTHER_VERSION, "knee", "--scenario", str(rig.file)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0)
+    assert done.returncode == refused(Verdict.WRONG_VERSION)
+    line = f"knee: refused: the board speaks version {VERSION + 1}, the plant version {VERSION}\n"
+    assert done.stderr == line
 
 
 def test_a_joint_has_one_driver(make_rig: Callable[..., Rig]) -> None:
