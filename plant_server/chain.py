@@ -11,10 +11,12 @@ mass matrix and bias are short (Goldstein; the same equations as in Alexandrov e
 
 with B_i = m_i c_i + l_i (mass above link i), A_ii = I_i + m_i c_i^2 + l_i^2 (mass above link i)
 and A_ij = l_j B_i for j < i. Scalar Python: for three links it is twice as fast as numpy, and does
-the same floating-point operations on every run.
+the same floating-point operations on every run. The work grows with the cube of the links:
+`plant_server.articulated` has the same equations for long chains.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import accumulate
 from math import cos, sin
 from typing import NamedTuple
@@ -53,15 +55,19 @@ class Chain:
         ]
         self._weights = [gravity_m_s2 * moment for moment in moments]
         self._moments = moments
-        self._inertias = [
-            [self.links[j].length_m * moments[i] for j in range(i)]
-            + [link.inertia_kg_m2 + link.mass_kg * link.com_m**2 + link.length_m**2 * above[i]]
-            for i, link in enumerate(self.links)
-        ]
-
+        self._above_kg = above
         self._written_out = (
             accelerations(self._inertias, self._weights) if self.size <= LINKS_MAX else None
         )
+
+    @cached_property
+    def _inertias(self) -> list[list[float]]:
+        """Lower triangle of A_ij: as many numbers as a long chain would not want to hold."""
+        return [
+            [self.links[j].length_m * self._moments[i] for j in range(i)]
+            + [link.inertia_kg_m2 + link.mass_kg * link.com_m**2 + link.length_m**2 * above_kg]
+            for i, (link, above_kg) in enumerate(zip(self.links, self._above_kg, strict=True))
+        ]
 
     def mass_matrix(self, angles_rad: Sequence[float]) -> list[list[float]]:
         """M(q), shape (n, n), in joint coordinates, kg m^2."""

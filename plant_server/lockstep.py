@@ -22,8 +22,8 @@ from typing import Any
 
 from plant_server.agenda import Agenda
 from plant_server.answers import read_answer
+from plant_server.articulated import chain_of
 from plant_server.body import Body
-from plant_server.chain import Chain
 from plant_server.config import PlantConfig, Unattended
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven
 from plant_server.roster import Roster
@@ -45,7 +45,7 @@ class Lockstep:
         self.run_id = run_id
         self.size = len(config.joints)
         self.body = Body(
-            Chain(config.links),
+            chain_of(config.links),
             initial_angles_rad=config.initial_angles_rad,
             tick_s=config.tick_s,
             substeps=config.substeps,

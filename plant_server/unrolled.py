@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 
 Accelerations = Callable[..., tuple[float, ...]]
 
-LINKS_MAX = 12
-"""Beyond this the code would be long (it grows with the cube), and the loops cost less."""
+LINKS_MAX = 8
+"""Beyond this an articulated body is faster (`plant_server.articulated`); the code grows with the
+cube of the links."""
 
 
 def accelerations(inertias: Sequence[Sequence[float]], weights: Sequence[float]) -> Accelerations:
