@@ -69,6 +69,8 @@ class Body:
         self._rise_m_s = chain.com_rise_m_s(self.angles_rad, self.rates_rad_s)
         upright_m = chain.com_m([0.0] * chain.size)[1]
         self._fallen_below_m = fallen_below * upright_m
+        self.fallen = self._is_fallen()
+        """The centre of mass is too low, or the state is not finite (S21)."""
 
     def release(self, joint: int) -> None:
         """Let the torque given to `step` drive the joint (0 N m: limp). Rates stay."""
@@ -123,18 +125,12 @@ class Body:
                 self._runge_kutta(step_s)
         except (ValueError, ArithmeticError):  # It flew apart within the step.
             self._fly_apart()
+        self.fallen = self._is_fallen()
         if self.fallen:
             return
         rise_m_s = chain.com_rise_m_s(self.angles_rad, self.rates_rad_s)
         gained_m_s, self._rise_m_s = rise_m_s - self._rise_m_s, rise_m_s
         self.foot_force_n = chain.mass_kg * (chain.gravity_m_s2 + gained_m_s / self.tick_s)
-
-    @property
-    def fallen(self) -> bool:
-        """The centre of mass is too low, or the state is not finite (S21)."""
-        if not all(map(isfinite, self.angles_rad)) or not all(map(isfinite, self.rates_rad_s)):
-            return True
-        return self.chain.com_m(self.angles_rad)[1] < self._fallen_below_m
 
     @property
     def foot_cop_m(self) -> float:
@@ -145,8 +141,14 @@ class Body:
         """
         return -self._ankle_nm / self.foot_force_n if self.foot_force_n > 0.0 else 0.0
 
+    def _is_fallen(self) -> bool:
+        if not all(map(isfinite, self.angles_rad)) or not all(map(isfinite, self.rates_rad_s)):
+            return True
+        return self.chain.com_m(self.angles_rad)[1] < self._fallen_below_m
+
     def _fly_apart(self) -> None:
         self.angles_rad = self.rates_rad_s = [nan] * self.chain.size
+        self.fallen = True
 
     def _sensed_nm(self, torques_nm: Sequence[float]) -> list[float]:
         """What acts in the joints, but for brakes, at the start of a tick."""
@@ -187,7 +189,10 @@ class Body:
     def _runge_kutta(self, step_s: float) -> None:
         q, v = self.angles_rad, self.rates_rad_s
         tau, half = self.torques_nm, 0.5 * step_s
-        plain = self._plain
+        plain, written_out = self._plain, self.chain.written_out_step
+        if plain and written_out is not None:
+            self.angles_rad, self.rates_rad_s = written_out(*q, *v, *tau, step_s)
+            return
         acceleration = self.chain.accelerations_rad_s2 if plain else self._accelerations_rad_s2
         a1 = acceleration(q, v, tau)
         v2 = [x + half * a for x, a in zip(v, a1, strict=True)]

@@ -22,7 +22,7 @@ from math import cos, sin
 from typing import NamedTuple
 
 from plant_server.clusters import clusters, differences, product, solve, solve_held
-from plant_server.unrolled import LINKS_MAX, accelerations
+from plant_server.unrolled import LINKS_MAX, accelerations, runge_kutta
 
 GRAVITY_M_S2 = 9.81
 
@@ -59,6 +59,10 @@ class Chain:
         self._written_out = (
             accelerations(self._inertias, self._weights) if self.size <= LINKS_MAX else None
         )
+        self.written_out_step = (
+            None if self._written_out is None else runge_kutta(self._written_out, self.size)
+        )
+        """A Runge-Kutta step of the free chain; None: it has too many links to write it out."""
 
     @cached_property
     def _inertias(self) -> list[list[float]]:

@@ -8,6 +8,7 @@ the same floating-point operations in the same order take half the time, and giv
 from collections.abc import Callable, Sequence
 
 Accelerations = Callable[..., tuple[float, ...]]
+Step = Callable[..., tuple[list[float], list[float]]]
 
 LINKS_MAX = 8
 """Beyond this an articulated body is faster (`plant_server.articulated`); the code grows with the
@@ -23,6 +24,41 @@ def accelerations(inertias: Sequence[Sequence[float]], weights: Sequence[float])
     names: dict[str, object] = {}
     exec(f"from math import cos, sin\n{source}", names)  # noqa: S102 - our own text, of numbers only
     return names["accelerations"]  # type: ignore[return-value]
+
+
+def runge_kutta(accelerations: Accelerations, links: int) -> Step:
+    """Write out a step of the classical fourth-order method, torques held.
+
+    A function of all q, all q', all tau and the step in seconds, to the next q and q'.
+    """
+    source = "\n    ".join(_step_lines(links))
+    names: dict[str, object] = {"accelerations": accelerations}
+    exec(source, names)  # noqa: S102 - as above
+    return names["step"]  # type: ignore[return-value]
+
+
+def _step_lines(n: int) -> list[str]:
+    def each(text: str) -> str:
+        return ", ".join(text.replace("#", str(i)) for i in range(n))
+
+    arguments = f"{each('q#')}, {each('v#')}, {each('t#')}"
+    stages = [  # Accelerations a to d at q and v, then at three estimates of the rates: u, w, z.
+        f"({each('a#')},) = accelerations({arguments})",
+        f"({each('u#')},) = ({each('v# + half * a#')},)",
+        f"({each('b#')},) = accelerations({each('q# + half * v#')}, {each('u#')}, {each('t#')})",
+        f"({each('w#')},) = ({each('v# + half * b#')},)",
+        f"({each('c#')},) = accelerations({each('q# + half * u#')}, {each('w#')}, {each('t#')})",
+        f"({each('z#')},) = ({each('v# + h * c#')},)",
+        f"({each('d#')},) = accelerations({each('q# + h * w#')}, {each('z#')}, {each('t#')})",
+    ]
+    angles = each("q# + sixth * (v# + 2.0 * (u# + w#) + z#)")
+    rates = each("v# + sixth * (a# + 2.0 * (b# + c#) + d#)")
+    return [
+        f"def step({arguments}, h):",
+        "half = 0.5 * h; sixth = h / 6.0",
+        *stages,
+        f"return [{angles}], [{rates}]",
+    ]
 
 
 def _lines(inertias: Sequence[Sequence[float]], weights: Sequence[float]) -> list[str]:
