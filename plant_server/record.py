@@ -19,6 +19,17 @@ class TickRecord(NamedTuple):
     """Commands that took effect, boards that came and went, verdicts: `[what, ...]`."""
 
 
+class Walls(NamedTuple):
+    """When a tick happened, on the monotonic clock of the plant's machine."""
+
+    opened_ns: int
+    """Before the observations went out."""
+    answered_ns: tuple[int, ...]
+    """When the answer of each board was taken; 0: it did not answer."""
+    closed_ns: int
+    """After the last answer, before the body moved on."""
+
+
 class Undriven(NamedTuple):
     """A joint that nobody drove when the run ended."""
 

@@ -14,27 +14,39 @@ from zlib import crc32
 
 import msgpack
 
-from plant_server.record import Outcome, TickRecord, Undriven
+from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from protocol.frames import Timing, decode
 from protocol.scenario import canonical
 
 CHUNK_BYTES = 1 << 18
 _HEADER = struct.Struct("<4sII")
 _MAGIC = b"DECM"
-_SCENARIO, _TICK, _OUTCOME = 0, 1, 2
+_SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
 
 
 class SpoolWriter:
     """Appends records to a new file. Raises OSError if it cannot be made, or is there already."""
 
-    def __init__(self, path: Path, scenario: dict[str, Any]) -> None:
+    def __init__(
+        self, path: Path, scenario: dict[str, Any], facts: dict[str, Any] | None = None
+    ) -> None:
         self.trouble: OSError | None = None
         self._file = path.open("xb")
         self._pack = msgpack.Packer(use_bin_type=True).pack
         self._pending = bytearray(self._pack((_SCENARIO, canonical(scenario))))
+        self.note(facts or {})
 
-    def append(self, record: TickRecord) -> None:
-        """Keep one tick."""
-        self._pending += self._pack((_TICK, *record))
+    def note(self, facts: dict[str, Any]) -> None:
+        """Keep facts about the run; later ones go over earlier ones of the same name."""
+        self._pending += self._pack((_FACTS, canonical(facts)))
+
+    def keep_timing(self, board: int, payload: bytes) -> None:
+        """Keep a `Timing` frame of a board, as it came."""
+        self._pending += self._pack((_TIMING, board, payload))
+
+    def append(self, record: TickRecord, walls: Walls | None = None) -> None:
+        """Keep one tick; in the twin it has no wall times."""
+        self._pending += self._pack((_TICK, *record, walls))
         if len(self._pending) >= CHUNK_BYTES:
             self._write()
 
@@ -62,29 +74,46 @@ class Spool(NamedTuple):
     """What was read back."""
 
     scenario: dict[str, Any]
+    facts: dict[str, Any]
+    """Machine, versions, mode, numeric fingerprint; at the end the plant's own effort."""
     ticks: list[TickRecord]
+    walls: list[Walls | None]
+    """One for each tick; None where no clock was read, as in the twin."""
+    timings: list[tuple[int, Timing]]
+    """Boards, and when they did what, in the order in which the plant received it."""
     outcome: Outcome | None
     """None: the run was cut off before it could say how it ended."""
+    complete: bool
+    """Whether the recording has its end: nothing that happened is missing."""
 
 
 def read_spool(path: Path) -> Spool:
     """Read all complete chunks of a spool. Raises ValueError if not even the first is there."""
     scenario: dict[str, Any] | None = None
+    facts: dict[str, Any] = {}
     ticks: list[TickRecord] = []
+    walls: list[Walls | None] = []
+    timings: list[tuple[int, Timing]] = []
     outcome: Outcome | None = None
     for kind, *fields in _records(path.read_bytes()):
         if kind == _TICK:
-            tick, *sequences = fields
+            tick, *sequences, times = fields
             ticks.append(TickRecord(tick, *map(tuple, sequences)))
+            walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
+        elif kind == _TIMING:
+            board, payload = fields
+            timings.append((board, decode(Timing, payload)))
         elif kind == _OUTCOME:
             tick, angles, rates, ending, wall_s, undriven = fields
             joints = tuple(Undriven(*joint) for joint in undriven)
             outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
+        elif kind == _FACTS:
+            facts |= json.loads(fields[0])
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
         raise ValueError(f"{path} holds no complete chunk of a run")
-    return Spool(scenario, ticks, outcome)
+    return Spool(scenario, facts, ticks, walls, timings, outcome, outcome is not None)
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:

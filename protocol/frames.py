@@ -176,7 +176,41 @@ class Stalled(NamedTuple):
     """Index of the board whose frame it is."""
 
 
-AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled
+class TickTiming(NamedTuple):
+    """One tick of a board on its clock, in microseconds after the frame's `base_ns`."""
+
+    taken_up_us: int
+    """The observation was read."""
+    decided_us: int
+    """The tick was thought through, and the board began to speak."""
+    said_us: int
+    """The last frame, the torque, was put."""
+    first_arrived_us: int
+    """Of what the first neighbour (from the ground up) said in the tick before; -1: nothing."""
+    second_arrived_us: int
+    """The same of the second neighbour; -1 also where there is none."""
+
+
+class Timing(NamedTuple):
+    """Board to a plant that records, every few ticks: when it did what. Nothing waits for it."""
+
+    run_id: int
+    incarnation: int
+    tick: int
+    """The first of `ticks`, which follow each other without gaps."""
+    base_ns: int
+    """A reading of the board's monotonic clock."""
+    clock: int
+    """Names that clock: boards with the same number, but 0, read the same one. 0: unknown."""
+    cpu_us: int
+    """Processor time that the board's process has used so far."""
+    memory_kb: int
+    """The most memory that it has had resident."""
+    ticks: tuple[TickTiming, ...]
+
+
+AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing
+AnyEntry = Neighbour | LinkUse | TickTiming
 Frame = TypeVar("Frame", bound=AnyFrame)
 
 
@@ -187,7 +221,7 @@ class Layout:
     """
 
     def __init__(
-        self, kind: int, types: tuple[type, ...], entry: type[Neighbour | LinkUse] | None = None
+        self, kind: int, types: tuple[type, ...], entry: type[AnyEntry] | None = None
     ) -> None:
         self.kind = kind
         self.entry = entry
@@ -217,6 +251,7 @@ LAYOUTS: dict[type, Layout] = {
     ),
     End: Layout(4, (int, str)),
     Stalled: Layout(5, (int, int, int, int)),
+    Timing: Layout(6, (int,) * 7, TickTiming),
 }
 
 _pack = msgpack.Packer(use_bin_type=True).pack
