@@ -32,6 +32,12 @@ class Enrolment:
         self.run_id = run_id
         self.seats = [Seat() for _ in joints]
 
+    @property
+    def absent(self) -> list[str]:
+        """Joints that have no board."""
+        seats = zip(self.joints, self.seats, strict=True)
+        return [joint for joint, seat in seats if seat.boot is None]
+
     def decide(self, request: EnrolmentRequest) -> EnrolmentReply:
         """Let a board in, or say why not. Asking again changes nothing but `links_up`."""
         verdict, reason = self._verdict(request)

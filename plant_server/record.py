@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 COMPLETE = "complete"
 FELL = "fell"
+STOPPED = "stopped"
+"""The ending of a run that was told to stop."""
 
 
 class TickRecord(NamedTuple):
@@ -48,7 +50,7 @@ class Outcome(NamedTuple):
     angles_rad: tuple[float, ...]
     rates_rad_s: tuple[float, ...]
     ending: str
-    """`COMPLETE`, `FELL`, or why it was cut short."""
+    """`COMPLETE`, `FELL`, `STOPPED`, or why else it was cut short."""
     wall_s: float
     """Wall time from the release of the body to the end."""
     undriven: tuple[Undriven, ...] = ()

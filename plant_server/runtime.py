@@ -18,7 +18,8 @@ from plant_server.config import plant_config
 from plant_server.enrolment import Enrolment
 from plant_server.lockstep import Lockstep
 from plant_server.post import CONTROL, ENROL, STALLED, Event, Post
-from plant_server.record import Outcome
+from plant_server.record import STOPPED, Outcome, Walls
+from plant_server.recorder import Recorder
 from plant_server.spool import SpoolWriter
 from protocol import keys
 from protocol.enrolment import Verdict, decode_request, encode_enrolment
@@ -34,10 +35,6 @@ LOOK_EVERY_S = 0.02
 PROGRESS_EVERY_S = 0.1
 FAREWELL_S = 0.5
 """How long the plant waits for boards to have heard that the run is over."""
-
-
-STOPPED = "stopped"
-"""The ending of a run that was told to stop."""
 
 
 class Options(NamedTuple):
@@ -64,14 +61,14 @@ class Runtime:
     ) -> None:
         self.rig = rig
         self.options = options
-        self.writer = writer
         self.joints = scenario.joints
         self.run_id = run_id(scenario.digest)
         self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
         self.enrolment = Enrolment(
             rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=self.run_id
         )
-        self.post = Post(session, rig, self.joints)
+        self.recorder = None if writer is None else Recorder(writer, self.enrolment)
+        self.post = Post(session, rig, self.joints, records=writer is not None)
         self._released_s: float | None = None
         self._shown_s = 0.0
         self._told = ""
@@ -80,6 +77,7 @@ class Runtime:
         self._newcomers: set[int] = set()
         self._starved: dict[int, int] = {}
         """Boards that say whose frame they wait for."""
+        self._answered_ns = [0] * len(self.joints)
 
     def run(self) -> Outcome:
         """Wait for every board, then tick to the end. Returns how the run ended."""
@@ -100,10 +98,12 @@ class Runtime:
             cut_short = STOPPED
         wall_s = 0.0 if self._released_s is None else time.monotonic() - self._released_s
         outcome = self.lockstep.outcome(wall_s, cut_short)
-        if self.writer is not None:
-            self.writer.close(outcome)
         self._say(f"{outcome.tick} {wall_s:.6f}")
-        self._farewell(outcome.ending)
+        try:
+            self._farewell(outcome.ending)
+        finally:
+            if self.recorder is not None:
+                self.recorder.close(outcome, self.post.timings())
         return outcome
 
     def _boundary(self) -> None:
@@ -143,13 +143,8 @@ class Runtime:
             with suppress(Empty):
                 self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
             if time.monotonic() - started > TELL_AFTER_S:
-                absent = [
-                    joint
-                    for joint, seat in zip(self.joints, self.enrolment.seats, strict=True)
-                    if seat.boot is None
-                ]
                 links = f"the links of {self.joints[board]}"
-                self._tell(f"waiting for {', '.join(absent) or links}")
+                self._tell(f"waiting for {', '.join(self.enrolment.absent) or links}")
 
     def _connected(self, board: int) -> bool:
         return self.enrolment.linked(board) and self.post.reaches(board)
@@ -158,6 +153,8 @@ class Runtime:
         lockstep = self.lockstep
         if lockstep.tick == 0:
             self._released_s = self._shown_s = time.monotonic()
+        self._answered_ns = [0] * len(self.joints)
+        opened_ns = time.monotonic_ns()
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         patience_s = self.options.patience_s or STALL_AFTER_S
@@ -167,9 +164,10 @@ class Runtime:
             except Empty:
                 self._lose_patience()
         self._starved.clear()
+        walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
         record = lockstep.close()
-        if self.writer is not None:
-            self.writer.append(record)
+        if self.recorder is not None:
+            self.recorder.keep(record, walls, self.post.timings())
         if self.options.progress:
             self._show(record.tick)
 
@@ -216,7 +214,8 @@ class Runtime:
     def _handle(self, event: "zenoh.Sample | Event") -> None:
         if not isinstance(event, tuple):
             board = self.post.torque_keys[str(event.key_expr)]
-            self.lockstep.answer(board, event.payload.to_bytes())
+            if self.lockstep.answer(board, event.payload.to_bytes()):
+                self._answered_ns[board] = time.monotonic_ns()
             return
         kind, content = event
         if kind == ENROL:

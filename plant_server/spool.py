@@ -1,73 +1,105 @@
-"""The spool: what a run leaves behind while it goes on, in chunks that survive a kill.
+"""The spool: what a run leaves behind while it goes on, for whoever reads it afterwards.
 
-Rule 1: appending is cheap; everything that takes time happens after the run.
-Rule 2: a chunk is its length, its CRC-32, and msgpack records. What was cut off is the last chunk.
+Rule 1: appending is cheap; everything that takes time happens on another thread or after the run.
+Rule 2: the spool is chunks (`plant_server.chunks`) of msgpack records, each a kind and its fields.
 Rule 3: trouble with the disk never reaches the control loop; it is told once, and recording stops.
+Rule 4: the record of how the run ended is the last one, so without it a spool is incomplete.
 """
 
 import json
-import struct
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
-from zlib import crc32
+from types import TracebackType
+from typing import Any, NamedTuple, Self
 
 import msgpack
 
+from plant_server.chunks import ChunkWriter, read_chunks
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
-from protocol.frames import Timing, decode
+from protocol.frames import decode
+from protocol.machine import effort
 from protocol.scenario import canonical
+from protocol.timing import Timing
 
 CHUNK_BYTES = 1 << 18
-_HEADER = struct.Struct("<4sII")
-_MAGIC = b"DECM"
 _SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
 
 
+def to_stderr(line: str) -> None:
+    """Tell whoever started this process."""
+    print(line, file=sys.stderr, flush=True)
+
+
 class SpoolWriter:
-    """Appends records to a new file. Raises OSError if it cannot be made, or is there already."""
+    """Appends records to a new file. Raises OSError if it cannot be made, or is there already.
+
+    A context: on leaving it, what there is has been written. `tell` is given one line if the
+    recording has to stop before the run does.
+    """
 
     def __init__(
-        self, path: Path, scenario: dict[str, Any], facts: dict[str, Any] | None = None
+        self,
+        path: Path,
+        scenario: dict[str, Any],
+        facts: dict[str, Any] | None = None,
+        tell: Callable[[str], None] = to_stderr,
     ) -> None:
-        self.trouble: OSError | None = None
-        self._file = path.open("xb")
+        self._chunks = ChunkWriter(path, chunk_bytes=CHUNK_BYTES)
         self._pack = msgpack.Packer(use_bin_type=True).pack
-        self._pending = bytearray(self._pack((_SCENARIO, canonical(scenario))))
+        self._tell = tell
+        self._told = self._closed = False
+        self._chunks.put(self._pack((_SCENARIO, canonical(scenario))))
         self.note(facts or {})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self.close(None)
+
+    @property
+    def trouble(self) -> OSError | None:
+        """Why nothing is recorded any more."""
+        return self._chunks.trouble
 
     def note(self, facts: dict[str, Any]) -> None:
         """Keep facts about the run; later ones go over earlier ones of the same name."""
-        self._pending += self._pack((_FACTS, canonical(facts)))
+        self._chunks.put(self._pack((_FACTS, canonical(facts))))
 
     def keep_timing(self, board: int, payload: bytes) -> None:
         """Keep a `Timing` frame of a board, as it came."""
-        self._pending += self._pack((_TIMING, board, payload))
+        self._chunks.put(self._pack((_TIMING, board, payload)))
 
-    def append(self, record: TickRecord, walls: Walls | None = None) -> None:
+    def append(self, record: TickRecord, walls: Walls | None) -> None:
         """Keep one tick; in the twin it has no wall times."""
-        self._pending += self._pack((_TICK, *record, walls))
-        if len(self._pending) >= CHUNK_BYTES:
-            self._write()
+        if self._chunks.trouble is None:
+            self._chunks.put(self._pack((_TICK, *record, walls)))
+        else:
+            self._complain(f"recording stopped at tick {record.tick}", "; the run goes on")
 
-    def close(self, outcome: Outcome) -> None:
-        """Keep how the run ended, and write what is left."""
-        self._pending += self._pack((_OUTCOME, *outcome))
-        self._write()
-        try:
-            self._file.close()
-        except OSError as error:
-            self.trouble = self.trouble or error
-
-    def _write(self) -> None:
-        chunk, self._pending = bytes(self._pending), bytearray()
-        if self.trouble is not None:
+    def close(self, outcome: Outcome | None) -> None:
+        """Keep how the run ended, if it did, and write what is left. Closing twice is harmless."""
+        if self._closed:
             return
-        try:
-            self._file.write(_HEADER.pack(_MAGIC, len(chunk), crc32(chunk)) + chunk)
-            self._file.flush()
-        except OSError as error:
-            self.trouble = error
+        self._closed = True
+        if outcome is not None:
+            used = effort()
+            self.note({"cpu_s": used.cpu_us / 1e6, "memory_kb": used.memory_kb})
+            self._chunks.put(self._pack((_OUTCOME, *outcome)))
+        self._chunks.close()
+        if self.trouble is not None:
+            self._complain("recording is incomplete", "")
+
+    def _complain(self, what: str, and_now: str) -> None:
+        if not self._told and self.trouble is not None:
+            self._told = True
+            self._tell(f"{what}: {self.trouble.strerror}{and_now}")
 
 
 class Spool(NamedTuple):
@@ -117,13 +149,7 @@ def read_spool(path: Path) -> Spool:
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:
-    start = 0
-    while start + _HEADER.size <= len(content):
-        magic, length, checksum = _HEADER.unpack_from(content, start)
-        chunk = content[start + _HEADER.size : start + _HEADER.size + length]
-        if magic != _MAGIC or len(chunk) < length or crc32(chunk) != checksum:
-            return
+    for chunk in read_chunks(content):
         unpacker = msgpack.Unpacker(max_buffer_size=0)
         unpacker.feed(chunk)
         yield from unpacker
-        start += _HEADER.size + length

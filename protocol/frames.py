@@ -15,6 +15,8 @@ from zlib import crc32
 
 import msgpack
 
+from protocol.timing import TickTiming, Timing
+
 VERSION = 1
 FRAME_BYTES_MAX = 256
 CRC_BYTES = 4
@@ -174,39 +176,6 @@ class Stalled(NamedTuple):
     """The tick that waits; the frame is of the tick before."""
     sender: int
     """Index of the board whose frame it is."""
-
-
-class TickTiming(NamedTuple):
-    """One tick of a board on its clock, in microseconds after the frame's `base_ns`."""
-
-    taken_up_us: int
-    """The observation was read."""
-    decided_us: int
-    """The tick was thought through, and the board began to speak."""
-    said_us: int
-    """The last frame, the torque, was put."""
-    first_arrived_us: int
-    """Of what the first neighbour (from the ground up) said in the tick before; -1: nothing."""
-    second_arrived_us: int
-    """The same of the second neighbour; -1 also where there is none."""
-
-
-class Timing(NamedTuple):
-    """Board to a plant that records, every few ticks: when it did what. Nothing waits for it."""
-
-    run_id: int
-    incarnation: int
-    tick: int
-    """The first of `ticks`, which follow each other without gaps."""
-    base_ns: int
-    """A reading of the board's monotonic clock."""
-    clock: int
-    """Names that clock: boards with the same number, but 0, read the same one. 0: unknown."""
-    cpu_us: int
-    """Processor time that the board's process has used so far."""
-    memory_kb: int
-    """The most memory that it has had resident."""
-    ticks: tuple[TickTiming, ...]
 
 
 AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing

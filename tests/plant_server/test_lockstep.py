@@ -309,9 +309,7 @@ def test_s5_a_board_that_dies_after_it_has_answered_has_completed_the_tick() -> 
     assert happened(record, "gone") == [[HIP, "died"]]
 
 
-def test_a_board_that_went_between_two_ticks_is_told_from_one_that_had_been_given_its_tick() -> (
-    None
-):
+def test_who_went_between_two_ticks_is_told_from_who_had_been_given_the_tick() -> None:
     """A replay gives the second its observation, and lets it act in vain."""
     lockstep = plant()
     play(lockstep)

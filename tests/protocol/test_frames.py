@@ -27,13 +27,12 @@ from protocol.frames import (
     ProtocolError,
     Reason,
     Stalled,
-    TickTiming,
-    Timing,
     TorqueFrame,
     decode,
     encode,
     seal,
 )
+from protocol.timing import TickTiming, Timing
 
 LAW = settings(max_examples=100, deadline=None, derandomize=True)
 KINDS: list[Any] = list(LAYOUTS)

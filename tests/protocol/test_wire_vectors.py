@@ -22,11 +22,10 @@ from protocol.frames import (
     Neighbour,
     Observation,
     Stalled,
-    TickTiming,
-    Timing,
     TorqueFrame,
 )
 from protocol.states import COUNTERS, State
+from protocol.timing import TickTiming, Timing
 
 README = Path(frames.__file__).with_name("README.md").read_text(encoding="utf-8")
 KINDS: dict[str, Any] = {
