@@ -1,10 +1,14 @@
 """A board's place on the network: what it declares, and where it leaves what comes.
 
-What comes each tick is left by a function written in C (`SimpleQueue.put`, `deque.append`): a
-Python function, called from a thread that Python did not start, costs more than the tick.
+What comes each tick is left by a function written in C: a Python function, called from a thread
+that Python did not start, costs more than the tick. Observations go through `SimpleQueue.put`.
+Frames of neighbours are looked up in a dictionary that gives each key that it has not seen, and so
+each frame that comes, a reading of the clock: they are kept in order, with their times of arrival.
 """
 
-from collections import deque
+import time
+from collections import defaultdict
+from collections.abc import Iterator
 from queue import SimpleQueue
 from typing import Any
 
@@ -26,11 +30,13 @@ class Post:
         self.session = session
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Observations as they come, everything else with its kind."""
-        self.heard: list[deque[zenoh.Sample]] = [deque() for _ in config.neighbours]
+        self._heard = [defaultdict[zenoh.Sample, int](time.monotonic_ns) for _ in config.neighbours]
         """Frames of each neighbour. They wake nobody: without an observation they are no use."""
+        self._neighbours = config.neighbour_joints
         joint, alive = config.joint, session.liveliness()
         self._torque = self._publisher(keys.torque(rig, joint))
         self._stalled = self._publisher(keys.stalled(rig, joint))
+        self._timing = self._publisher(keys.timing(rig, joint))
         self._links = [
             self._publisher(keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
@@ -44,9 +50,9 @@ class Post:
             *(
                 session.declare_subscriber(
                     keys.link(rig, neighbour, joint),
-                    zenoh.handlers.Callback(frames.append, indirect=False),
+                    zenoh.handlers.Callback(frames.__getitem__, indirect=False),
                 )
-                for neighbour, frames in zip(config.neighbour_joints, self.heard, strict=True)
+                for neighbour, frames in zip(config.neighbour_joints, self._heard, strict=True)
             ),
             *(link.declare_matching_listener(self._left(MATCHING)) for link in self._links),
             alive.declare_subscriber(keys.plant_alive(rig), self._left(PLANT), history=True),
@@ -60,6 +66,22 @@ class Post:
             link.put(payload)
         self._torque.put(actuation.torque)
 
+    def heard(self) -> Iterator[tuple[int, bytes, int]]:
+        """What neighbours have said since the last look: link, frame, time of arrival in ns."""
+        for link, frames in enumerate(self._heard):
+            if frames:
+                for sample in list(frames):  # At one go: more may come at any time.
+                    yield link, sample.payload.to_bytes(), frames.pop(sample)
+
+    def report_timing(self, payload: bytes) -> None:
+        """Tell the plant when this board did what."""
+        self._timing.put(payload)
+
+    @property
+    def records(self) -> bool:
+        """Whether a plant wants to know when this board did what."""
+        return self._is_up(self._timing)
+
     def report_stall(self, payload: bytes) -> None:
         """Tell the plant that a neighbour's frame is missing."""
         self._stalled.put(payload)
@@ -67,6 +89,11 @@ class Post:
     def ask(self, request: bytes, timeout_s: float) -> None:
         """Ask the plant to be let in; its answer comes as an event."""
         self.session.get(keys.ENROL, self._left(REPLY), payload=request, timeout=timeout_s)
+
+    def links_down(self) -> list[str]:
+        """Neighbours that would not hear what is said to them."""
+        links = zip(self._neighbours, self.links_up(), strict=True)
+        return [joint for joint, up in links if not up]
 
     def links_up(self) -> list[bool]:
         """For each link, whether what is said on it is heard at the other end."""
@@ -76,7 +103,7 @@ class Post:
         """Throw away what has come and was not looked at."""
         while not self.events.empty():
             self.events.get()
-        for frames in self.heard:
+        for frames in self._heard:
             frames.clear()
 
     def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":

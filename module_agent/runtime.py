@@ -11,13 +11,14 @@ import os
 import sys
 import time
 from queue import Empty
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
 from module_agent.config import BoardConfig, board_config
 from module_agent.post import END, MATCHING, REPLY, Event, Post
+from module_agent.timing import BoardTiming
 from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
 from protocol.exit_codes import ExitCode, refused
 from protocol.frames import (
@@ -29,6 +30,7 @@ from protocol.frames import (
     decode,
     encode,
 )
+from protocol.machine import clock_id, effort
 from protocol.process import ignore_signals
 from protocol.scenario import ResolvedScenario
 from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
@@ -43,13 +45,6 @@ TELL_AFTER_S = 0.5
 LOOK_AGAIN_S = 20e-6
 LOOK_AGAIN_S_MAX = 5e-3
 """How often a board with an observation looks for a neighbour's frame that is not here yet."""
-
-
-class Spoken(NamedTuple):
-    """What a board said in one tick."""
-
-    tick: int
-    actuation: Actuation
 
 
 class FinishedError(Exception):
@@ -112,8 +107,10 @@ class Runtime:
         self.boot = int.from_bytes(os.urandom(8), "little") >> 1
         self.board: Board | None = None
         self.pending: Observation | None = None
-        self.last: Spoken | None = None
+        self.last: Actuation | None = None
         """What was said in the last tick."""
+        self.timing = BoardTiming(clock=clock_id())
+        self._taken_up_ns = 0
         self._stall_told = False
         self._give_up_s = math.inf
         self._early: bytes | None = None
@@ -145,16 +142,26 @@ class Runtime:
         return min(max(LOOK_AGAIN_S, waited_s / 4.0), LOOK_AGAIN_S_MAX)
 
     def _hear(self, board: Board) -> None:
-        for link, frames in enumerate(self.post.heard):
-            while frames:
-                board.hear(link, frames.popleft().payload.to_bytes())
+        for link, payload, arrived_ns in self.post.heard():
+            self.timing.arrived(link, board.hear(link, payload), arrived_ns)
 
     def _tick(self, board: Board, observation: Observation) -> None:
-        self.last = Spoken(observation.tick, board.tick(observation))
-        self.post.say(self.last.actuation)
+        self.last = board.tick(observation)
+        decided_ns = time.monotonic_ns()
+        self.post.say(self.last)
+        self.timing.ticked(observation.tick, self._taken_up_ns, decided_ns, time.monotonic_ns())
+        if self.timing.due:
+            self._report_timing()
         self.pending = None
         self._stall_told = False
         self._waiting_since = time.monotonic()
+
+    def _report_timing(self) -> None:
+        """Tell a plant that records when this board did what; another one need not know."""
+        if self.post.records:
+            self.post.report_timing(self.timing.frame(effort()))
+        else:
+            self.timing.ticks.clear()
 
     def _handle(self, event: "zenoh.Sample | Event") -> None:
         if not isinstance(event, tuple):
@@ -169,7 +176,7 @@ class Runtime:
             self._ask()
             if self.last is not None:
                 # Whoever is back may have missed it; to say it twice is harmless.
-                self.post.say(self.last.actuation)
+                self.post.say(self.last)
         elif content.kind == zenoh.SampleKind.DELETE:
             self._enrol_again(f"the plant is gone; waiting {PLANT_BACK_WITHIN_S:g} s for another")
             self._give_up_s = time.monotonic() + PLANT_BACK_WITHIN_S
@@ -181,13 +188,14 @@ class Runtime:
             return
         try:
             self.pending = board.read(payload)
+            self._taken_up_ns = time.monotonic_ns()
             self._stall_told = False
             self._waiting_since = time.monotonic()
         except ProtocolError as error:
             board.refused[error.reason] += 1
         except AnsweredError:
             if self.last is not None:
-                self.post.say(self.last.actuation)
+                self.post.say(self.last)
         except ReplacedError as replaced:
             if replaced.incarnation != 0:
                 line = "the plant has given this joint to another process"
@@ -216,11 +224,9 @@ class Runtime:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
         if self.board is None:
-            self.board = Board(
-                self.config,
-                run_id=answer.run_id,
-                incarnation=answer.incarnation,
-            )
+            granted = {"run_id": answer.run_id, "incarnation": answer.incarnation}
+            self.board = Board(self.config, **granted)
+            self.timing.begin(**granted)
             if self._early is not None:
                 self._observe(self._early)
 
@@ -230,11 +236,12 @@ class Runtime:
         except ProtocolError:
             return
         if self.board is not None and end.run_id == self.board.run_id:
+            while self.timing.ticks:
+                self._report_timing()
             raise FinishedError(ExitCode.OK, f"run over: {end.reason}")
 
     def _ask(self) -> None:
         """Ask to be let in, or tell the plant that another link has come up."""
-        link = self.config.link
         request = EnrolmentRequest(
             version=VERSION,
             rig=self.rig.name,
@@ -243,10 +250,7 @@ class Runtime:
             scenario_digest=self.scenario.digest,
             boot=self.boot,
             links_up=sum(up << n for n, up in enumerate(self.post.links_up())),
-            mass_kg=link.mass_kg,
-            length_m=link.length_m,
-            com_m=link.com_m,
-            inertia_kg_m2=link.inertia_kg_m2,
+            **self.config.link._asdict(),
         )
         self.post.ask(encode_enrolment(request), ASK_EVERY_S)
 
@@ -273,14 +277,8 @@ class Runtime:
                 sender = self.config.neighbour_joints[link]
                 self._tell(f"waiting for {sender}'s frame of tick {self.pending.tick - 1}")
         elif not ticking:
-            down = [
-                joint
-                for joint, up in zip(
-                    self.config.neighbour_joints, self.post.links_up(), strict=True
-                )
-                if not up
-            ]
-            self._tell(f"enrolled; waiting for {', '.join(down) or 'the other boards'}")
+            others = ", ".join(self.post.links_down()) or "the other boards"
+            self._tell(f"enrolled; waiting for {others}")
 
     def _report_stall(self, board: Board, pending: Observation) -> None:
         """Tell the plant whose frame is not there; it decides what to do about it (S6)."""
