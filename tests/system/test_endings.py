@@ -13,7 +13,16 @@ import pytest
 from deploy import rigs
 from deploy.results import read_run
 from protocol.exit_codes import ExitCode
-from tests.system.rig import Process, Rig, alive, children_of, eventually, said, twin_digest
+from tests.system.rig import (
+    Process,
+    Rig,
+    alive,
+    children_of,
+    eventually,
+    recorded_ticks,
+    said,
+    twin_digest,
+)
 
 GONE_WITHIN_S = 2.0
 SLOW_MACHINE_S = 10.0
@@ -31,7 +40,7 @@ class Launched:
         )
         eventually(lambda: len(children_of(self.launcher.pid)) == 4)
         spool = folder / "run.spool"
-        eventually(lambda: spool.exists() and spool.stat().st_size > 0)
+        eventually(lambda: recorded_ticks(spool))
         self.children = children_of(self.launcher.pid)
 
     def child(self, word: str) -> int:
