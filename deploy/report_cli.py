@@ -20,7 +20,7 @@ def report(
     ],
     epoch: Annotated[
         int | None,
-        typer.Option(help="Draw this epoch frame by frame; default: the first that lost a frame."),
+        typer.Option(help="Draw this epoch frame by frame; default: the first that lost one."),
     ] = None,
     out_folder: Annotated[
         Path | None,

@@ -7,7 +7,7 @@ import numpy as np
 from deploy.epochs import NOT_KNOWN
 from deploy.recording import Fate
 from deploy.report_latency import Spread, decisions_ns, spread, ticks_ns
-from deploy.report_links import heard_share, total
+from deploy.report_links import MISSED, total
 from deploy.report_page import Section, Table
 from deploy.report_runs import Run
 from deploy.report_tables import NONE
@@ -80,14 +80,12 @@ def _ms(found: Spread | None) -> str:
     return f"{found.p50 / 1e6:.2f} ms (p50), {found.p99 / 1e6:.2f} ms (p99)"
 
 
-def _frames(run: Run, fate: Fate) -> str:
+def _frames(run: Run, *counted: Fate) -> str:
     sent, fates = total(run.links)
-    return f"{fates[fate]:,} ({100.0 * fates[fate] / sent:.2f} %)" if sent else NONE
-
-
-def _heard(run: Run) -> str:
-    share = heard_share(run.links)
-    return NONE if share is None else f"{total(run.links)[0]:,}, {100.0 * share:.2f} % heard"
+    if not sent:
+        return NONE
+    frames = sum(fates[fate] for fate in counted)
+    return f"{frames:,} ({100.0 * frames / sent:.2f} %)"
 
 
 def _versions(run: Run) -> str:
@@ -107,9 +105,10 @@ FACTS: dict[str, Callable[[Run], str]] = {
     "epochs with none enabled": lambda run: _seldom(run, lambda of: _enabled(of, 0, 0)),
     "epochs with several enabled": lambda run: _seldom(run, lambda of: _enabled(of, 2, 10**6)),
     "epoch start to decision": _decision,
-    "frames sent, and heard in the next tick": _heard,
-    "frames heard late": lambda run: _frames(run, Fate.LATE),
-    "frames lost": lambda run: _frames(run, Fate.LOST),
+    "frames sent": lambda run: f"{total(run.links)[0]:,}",
+    "heard in the next tick": lambda run: _frames(run, Fate.HEARD),
+    "heard late": lambda run: _frames(run, Fate.LATE),
+    "lost on their way": lambda run: _frames(run, *MISSED),
     "tick": lambda run: _ms(spread(ticks_ns(run.recording))),
     "digest of the motion": lambda run: run.summary["state_sha256"][:DIGITS],
     "digest of all logic": lambda run: run.recording.logical_sha256[:DIGITS],

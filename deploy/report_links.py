@@ -22,7 +22,8 @@ FATES = (
     Fate.PENDING,
 )
 """What a frame that was sent can come to, from good to bad to unknown."""
-Pair = tuple[int, int]
+MISSED = (Fate.LOST, Fate.CORRUPT, Fate.CUT, Fate.VOID)
+"""What becomes of a frame that somebody was there to hear, and did not."""
 
 
 class LinkCounts(NamedTuple):
@@ -59,19 +60,16 @@ def total(links: Sequence[LinkCounts]) -> tuple[int, dict[Fate, int]]:
 
 
 def missed_share(link: LinkHistory, bin_ticks: int) -> Floats:
-    """Which share of the frames sent in each stretch of ticks was not heard in the tick after.
+    """Which share of the frames sent in each stretch of ticks was lost on its way, or void.
 
-    NaN where nothing was sent. Length: as many stretches as there are, the last may be short.
+    Frames to nobody, and those that were still under way at the end, do not count. NaN where
+    no frame counts. Length: as many stretches as there are; the last may be short.
     """
     bins = np.arange(len(link.sent)) // bin_ticks
     length = int(bins[-1]) + 1 if len(bins) else 0
-    sent = np.bincount(bins[link.sent], minlength=length)
-    missed = np.bincount(bins[link.sent & (link.fate != Fate.HEARD)], minlength=length)
-    share: Floats = np.divide(missed, sent, out=np.full(length, np.nan), where=sent > 0)
+    missed = link.sent & np.isin(link.fate, MISSED)
+    counted = missed | (link.sent & np.isin(link.fate, (Fate.HEARD, Fate.LATE)))
+    of = np.bincount(bins[counted], minlength=length)
+    lost = np.bincount(bins[missed], minlength=length)
+    share: Floats = np.divide(lost, of, out=np.full(length, np.nan), where=of > 0)
     return share
-
-
-def heard_share(links: Sequence[LinkCounts]) -> float | None:
-    """Share of all frames that were heard in the tick after; None when none was sent."""
-    sent, fates = total(links)
-    return fates[Fate.HEARD] / sent if sent else None

@@ -15,6 +15,8 @@ from string import Template
 
 SVG_BYTES_MAX = 300_000
 """A drawing that is larger goes into the page as pixels."""
+SHORT_MAX = 16
+"""A text of at most so many letters is not broken into lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +189,8 @@ def _rows(table: Table) -> Iterator[str]:
 
 
 def _cell(tag: str, column: int, text: str, table: Table) -> str:
-    kind = "" if column in table.texts else ' class="n"'
-    return f"<{tag}{kind}>{escape(text)}</{tag}>"
+    kind = "n" if column not in table.texts else "short" if len(text) <= SHORT_MAX else "long"
+    return f'<{tag} class="{kind}">{escape(text)}</{tag}>'
 
 
 def _caption(tag: str, title: str, reading: str) -> str:

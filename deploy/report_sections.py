@@ -87,7 +87,7 @@ def elections(runs: Sequence[Run], pictures: Pictures) -> Section:
 
 
 def one_epoch(runs: Sequence[Run], pictures: Pictures, number: int | None) -> Section:
-    """One epoch as a space-time diagram: the one asked for, else one that misses a frame."""
+    """One epoch as a space-time diagram: the one asked for, else one that lost a frame."""
     scenes = {run.number: scene for run in runs if (scene := _scene(run, number)) is not None}
     drawn = pictures.each(
         "epoch",

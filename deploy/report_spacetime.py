@@ -18,6 +18,7 @@ from deploy.drawing import INK, PALE, board_colour
 from deploy.epochs import NOT_KNOWN, Epochs
 from deploy.figures import DOTS_PER_INCH, WIDTH_IN
 from deploy.recording import Fate, LinkHistory, Recording
+from deploy.report_links import MISSED
 from deploy.trajectory import Floats
 
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.98, 0.78, 0.3, 0.62
@@ -62,14 +63,13 @@ class Scene(NamedTuple):
 
 
 def telling_epoch(recording: Recording, epochs: Epochs) -> int:
-    """The first epoch with a frame that was not heard in the next tick; if none, the first.
+    """The first epoch in which a frame was lost on its way; if none was, the first.
 
-    Returns the index into the arrays of `epochs`. A frame to a joint without a board is not missed.
+    Returns the index into the arrays of `epochs`.
     """
-    expected = (Fate.HEARD, Fate.NOBODY, Fate.UNSAID)
     for row, (first, latch) in enumerate(zip(epochs.first_tick, epochs.latch_tick, strict=True)):
         fates = [link.fate[first:latch] for link in recording.links.values()]
-        if fates and not np.isin(fates, expected).all():
+        if np.isin(fates, MISSED).any():
             return row
     return 0
 

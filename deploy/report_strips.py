@@ -221,7 +221,7 @@ def _draw_rounds(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> Non
 
 
 def _draw_missed(axes: Axes, run: Strips, shared_end_s: float) -> None:
-    """One row per directed link: the darker, the more frames were not heard in the next tick."""
+    """One row per directed link: the darker, the more frames were lost or void."""
     trajectory, joints = run.recording.trajectory, _joints(run)
     election = trajectory.scenario["election"]
     bin_ticks = (
@@ -243,7 +243,7 @@ def _draw_missed(axes: Axes, run: Strips, shared_end_s: float) -> None:
     axes.set_xlim(0.0, shared_end_s)
     _name_rows(axes, [f"{joints[sender]} → {joints[receiver]}" for sender, receiver in pairs])
     axes.set_ylim(-0.5, len(pairs) - 0.5)
-    _title(axes, "Frames not heard in the next tick: white none, black all")
+    _title(axes, "Frames lost on their way: white none, black all")
 
 
 def _bars(true: NDArray[np.bool_], tick_s: float) -> list[tuple[float, float]]:
