@@ -19,6 +19,10 @@ SPAN_NS_MAX = 0xFFFF * 1000
 ARRIVALS_MAX = 4
 """Of a neighbour that is heard, one frame waits for its tick, and one more may have come early."""
 NEVER = -1
+NEVER_NS = 2**64
+"""While it is kept: later than anything that happens."""
+Stamps = tuple[int, int, int, int, int]
+"""The fields of `TickTiming`, as readings of the clock."""
 
 
 class BoardTiming:
@@ -32,8 +36,8 @@ class BoardTiming:
         """Forget everything: the board has been let in, perhaps again."""
         self.run_id = run_id
         self.incarnation = incarnation
-        self.ticks: list[tuple[int, int, int, int, int]] = []
-        """Ticks that are not said yet: the fields of `TickTiming`, as readings of the clock."""
+        self.ticks: list[Stamps] = []
+        """Ticks that are not said yet."""
         self._next_tick = 0
         self._arrivals: tuple[dict[int, int], dict[int, int]] = {}, {}
         """Of each link: when what was said in which tick arrived."""
@@ -48,7 +52,7 @@ class BoardTiming:
     def ticked(self, tick: int, taken_up_ns: int, decided_ns: int, said_ns: int) -> None:
         """Note a tick. Ticks come one after the other, without gaps."""
         first, second = self._arrivals
-        first_ns, second_ns = first.pop(tick - 1, NEVER), second.pop(tick - 1, NEVER)
+        first_ns, second_ns = first.pop(tick - 1, NEVER_NS), second.pop(tick - 1, NEVER_NS)
         self.ticks.append((taken_up_ns, decided_ns, said_ns, first_ns, second_ns))
         self._next_tick = tick + 1
 
@@ -59,22 +63,14 @@ class BoardTiming:
 
     def frame(self, effort: Effort) -> bytes:
         """Take the oldest ticks, as many as fit, and write them down."""
-        count = len(self.ticks)
-        base_ns, span_ns = _extent(self.ticks)
-        while span_ns > SPAN_NS_MAX and count > 1:
-            count -= 1
-            base_ns, span_ns = _extent(self.ticks[:count])
         first_tick = self._next_tick - len(self.ticks)
-        said, self.ticks = self.ticks[:count], self.ticks[count:]
+        said = self.ticks
+        while (base_ns := min(map(min, said))) + SPAN_NS_MAX < said[-1][2] and len(said) > 1:
+            said = said[:-1]
+        self.ticks = self.ticks[len(said) :]
         entries = [
-            TickTiming._make([NEVER if ns == NEVER else (ns - base_ns) // 1000 for ns in tick])
-            for tick in said
+            TickTiming._make([NEVER if ns == NEVER_NS else (ns - base_ns) // 1000 for ns in stamps])
+            for stamps in said
         ]
         about = (self.run_id, self.incarnation, first_tick, base_ns, self.clock)
         return encode(Timing(*about, effort.cpu_us, effort.memory_kb, tuple(entries)))
-
-
-def _extent(ticks: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:
-    """When the first thing happened, and how long after it the last."""
-    times_ns = [ns for tick in ticks for ns in tick if ns != NEVER]
-    return min(times_ns), max(times_ns) - min(times_ns)

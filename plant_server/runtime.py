@@ -157,6 +157,8 @@ class Runtime:
         opened_ns = time.monotonic_ns()
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
+        if self.recorder is not None:
+            self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -167,7 +169,7 @@ class Runtime:
         walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
         record = lockstep.close()
         if self.recorder is not None:
-            self.recorder.keep(record, walls, self.post.timings())
+            self.recorder.keep(record, walls)
         if self.options.progress:
             self._show(record.tick)
 

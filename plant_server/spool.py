@@ -112,7 +112,10 @@ class Spool(NamedTuple):
     walls: list[Walls | None]
     """One for each tick; None where no clock was read, as in the twin."""
     timings: list[tuple[int, Timing]]
-    """Boards, and when they did what, in the order in which the plant received it."""
+    """Boards, and when they did what, in the order in which the plant received it.
+
+    When a run was cut short, boards may tell of the tick that was open as well.
+    """
     outcome: Outcome | None
     """None: the run was cut off before it could say how it ended."""
     complete: bool

@@ -39,7 +39,8 @@ class Recording:
     def keep(self, tick: int, *timings: tuple[int, Timing | bytes]) -> None:
         nothing = (0.0, 0.0)
         record = TickRecord(tick, nothing, nothing, nothing, (b"", b""), ())
-        self.recorder.keep(record, Walls(1, (2, 3), 4), self._payloads(timings))
+        self.recorder.keep(record, Walls(1, (2, 3), 4))
+        self.recorder.write(self._payloads(timings))
 
     def end(self, tick: int, *timings: tuple[int, Timing | bytes]) -> Spool:
         outcome = Outcome(tick, (0.0, 0.0), (0.0, 0.0), COMPLETE, 1.0)
@@ -82,6 +83,17 @@ def test_what_boards_tell_is_kept_with_whose_it_is(recording: Recording) -> None
     assert spool.complete
 
 
+def test_a_tick_that_was_not_written_yet_is_written_at_the_end(recording: Recording) -> None:
+    nothing = (0.0, 0.0)
+    for tick in (5, 6):
+        record = TickRecord(tick, nothing, nothing, nothing, (b"", b""), ())
+        recording.recorder.keep(record, Walls(tick, (2, 3), 4))
+    spool = recording.end(7, (KNEE, FRAME._replace(tick=4)))
+    assert [record.tick for record in spool.ticks] == [5, 6]
+    assert [walls and walls.opened_ns for walls in spool.walls] == [5, 6]
+    assert spool.timings == [(KNEE, FRAME._replace(tick=4))]
+
+
 def test_a_tick_is_told_once(recording: Recording) -> None:
     """Neither again nor overlapping: what is kept is bounded by the run, whoever sends what."""
     recording.keep(9, (KNEE, FRAME), (KNEE, FRAME), (KNEE, FRAME._replace(tick=2)))
@@ -92,9 +104,10 @@ def test_a_tick_is_told_once(recording: Recording) -> None:
 
 
 def test_nobody_tells_of_what_has_not_been(recording: Recording) -> None:
-    recording.keep(1, (KNEE, FRAME))
+    """The tick that is open is the last that a board may have played."""
+    recording.keep(0, (KNEE, FRAME))
     assert refused(recording) == {Reason.TICK: 1}
-    recording.keep(2, (KNEE, FRAME))
+    recording.keep(1, (KNEE, FRAME))
     assert refused(recording) == {Reason.TICK: 1}
 
 
