@@ -5,7 +5,6 @@ import resource
 import signal
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 
 from deploy.results import read_run
 from deploy.scenario import load
@@ -16,7 +15,7 @@ from protocol.fingerprint import fingerprint
 from protocol.machine import clock_id
 from protocol.timing import Timing
 from protocol.wiring import neighbours
-from tests.system.rig import Process, Rig, decmesh, eventually, recorded_ticks, said, twin_digest
+from tests.system.rig import Process, Rig, eventually, recorded_ticks, said, twin_digest
 
 FLOOR_NS = 1000
 """Boards tell whole microseconds."""
@@ -47,12 +46,14 @@ class BoardTimes:
                         self.arrived[sender, board, tick] = ns
 
 
-def test_a_recording_tells_when_everything_happened(tmp_path: Path) -> None:
+def test_a_recording_tells_when_everything_happened(make_rig: Callable[..., Rig]) -> None:
     """On one machine all clocks are one, so causes come before effects across processes as well."""
     settings = ("run.duration_s=0.6",)
-    done = decmesh("run", "paper", "--set", *settings, "--out", str(tmp_path / "run"))
-    assert done.returncode == 0, done.stderr
-    spool = read_spool(tmp_path / "run" / "run.spool")
+    rig = make_rig(*settings)
+    plant = rig.plant("--spool", str(rig.folder / "run.spool"))
+    boards = [rig.board(joint) for joint in rig.scenario.joints]
+    assert [process.wait(60) for process in (plant, *boards)] == [0, 0, 0, 0]
+    spool = read_spool(rig.folder / "run.spool")
     assert spool.complete
     assert spool.facts["mode"] == "processes"
     assert spool.facts["fingerprint"] == fingerprint()
@@ -61,7 +62,7 @@ def test_a_recording_tells_when_everything_happened(tmp_path: Path) -> None:
     assert {frame.clock for _, frame in spool.timings} == {clock_id()} == {spool.facts["clock"]}
     check_times(spool)
     check_efforts(spool)
-    run = read_run(tmp_path / "run")
+    run = read_run(rig.folder)
     assert run is not None
     assert run.state_sha256 == twin_digest(*settings), "to record changes nothing"
 
