@@ -5,7 +5,7 @@ Rule 2: a panel reads without colour: lines differ in style too, and time runs f
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -67,27 +67,28 @@ def _title(axes: Axes, letter: str, text: str) -> None:
     axes.set_title(rf"$\bf{{{letter}}}$  {text}", loc="left")
 
 
-def _colour(link: int, links: int) -> object:
+def board_colour(link: int, links: int) -> Any:
+    """The colour of a board, and of the link above its joint, in every figure."""
     if links <= len(LINK_COLOURS):
         return LINK_COLOURS[link]
     return mpl.colormaps["viridis"](0.9 * link / (links - 1))
 
 
-def _labelled(links: int, most: int) -> list[int]:
-    """Links that get a label: all, or as many as can be read."""
+def labelled_rows(links: int, most: int) -> list[int]:
+    """Rows or links that get a label: all, or as many as can be read."""
     return sorted({round(i) for i in np.linspace(0, links - 1, min(links, most))})
 
 
 def draw_orientations(axes: Axes, motion: Motion, frame: Frame) -> None:
     """Draw the links in space over time (A)."""
     names = motion.trajectory.scenario["link_names"]
-    links, labelled = len(names), _labelled(len(names), LABELS_MAX)
+    links, labelled = len(names), labelled_rows(len(names), LABELS_MAX)
     axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
     for link, name in enumerate(names):
         axes.plot(
             motion.times_s,
             motion.orientations_deg[:, link],
-            color=_colour(link, links),
+            color=board_colour(link, links),
             linestyle=LINK_STYLES[link % len(LINK_STYLES)] if links <= len(LINK_STYLES) else "-",
             label=ABBREVIATIONS.get(name, name) if link in labelled else None,
         )
@@ -112,9 +113,9 @@ def draw_enabled(axes: Axes, motion: Motion, frame: Frame) -> None:
     joints = [board["joint"] for board in motion.trajectory.scenario["board"]]
     for board in range(len(joints)):
         bars = [(a * tick_s, (b - a) * tick_s) for a, b in spans(enabled[:, board] > 0)]
-        colour = _colour(board, len(joints))
+        colour = board_colour(board, len(joints))
         axes.broken_barh(bars, (board - 0.4, 0.8), facecolors=colour, linewidth=0)
-    labelled = _labelled(len(joints), STRIP_LABELS_MAX)
+    labelled = labelled_rows(len(joints), STRIP_LABELS_MAX)
     axes.set(xlim=(0.0, frame.end_s), ylim=(-0.6, len(joints) - 0.4))
     axes.set_yticks(labelled, [joints[board] for board in labelled])
     axes.tick_params(axis="y", length=0.0, labelsize=6.0)

@@ -35,6 +35,10 @@ FORMATS = {"svg": {"Date": None}, "png": {}, "pdf": {"CreationDate": None}}
 """Endings that are written, and metadata that is left out."""
 
 COM_SPAN_MIN_M = 0.01
+CONTROLLERS = (
+    "Original: all boards move",
+    "Distributed: the boards elect the one that moves",
+)
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -79,13 +83,9 @@ def panels(trajectory: Trajectory, stem: Path) -> list[Path]:
 
     Raises OSError.
     """
-    motion = _motion(trajectory)
     with style.context(["default", STYLE]):
-        figure = Figure(figsize=(WIDTH_IN, ROW_IN), dpi=DOTS_PER_INCH)
-        _row(
-            figure, 0.0, motion, _frame([motion]), strip=trajectory.scenario["election"]["enabled"]
-        )
-        return _save(figure, stem)
+        strip = trajectory.scenario["election"]["enabled"]
+        return _save(stacked([("", trajectory)], strip=strip), stem)
 
 
 def comparison(original: Trajectory, distributed: Trajectory, stem: Path) -> list[Path]:
@@ -93,16 +93,27 @@ def comparison(original: Trajectory, distributed: Trajectory, stem: Path) -> lis
 
     Raises OSError.
     """
-    motions = [_motion(original), _motion(distributed)]
-    frame, height_in = _frame(motions), ROW_IN + HEADING_IN
-    titles = ("Original: all boards move", "Distributed: the boards elect the one that moves")
     with style.context(["default", STYLE]):
-        figure = Figure(figsize=(WIDTH_IN, 2 * height_in), dpi=DOTS_PER_INCH)
-        for motion, title, bottom_in in zip(motions, titles, (height_in, 0.0), strict=True):
-            _row(figure, bottom_in, motion, frame, strip=True)
-            top = (bottom_in + ROW_IN + 0.02) / (2 * height_in)
+        runs = list(zip(CONTROLLERS, (original, distributed), strict=True))
+        return _save(stacked(runs, strip=True), stem)
+
+
+def stacked(runs: Sequence[tuple[str, Trajectory]], *, strip: bool) -> Figure:
+    """Draw runs above each other, to the same scales, each below its title unless that is empty.
+
+    `strip` shows which board was enabled when. To be called, as all that draws, in the style.
+    """
+    motions = [_motion(trajectory) for _title, trajectory in runs]
+    heading_in = HEADING_IN if any(title for title, _trajectory in runs) else 0.0
+    frame, height_in = _frame(motions), ROW_IN + heading_in
+    figure = Figure(figsize=(WIDTH_IN, len(runs) * height_in), dpi=DOTS_PER_INCH)
+    for row, (title, _trajectory) in enumerate(runs):
+        bottom_in = (len(runs) - 1 - row) * height_in
+        _row(figure, bottom_in, motions[row], frame, strip=strip)
+        if title:
+            top = (bottom_in + ROW_IN + 0.02) / (len(runs) * height_in)
             figure.text(0.01, top, title, weight="bold", size=8.5, va="bottom")
-        return _save(figure, stem)
+    return figure
 
 
 def _motion(trajectory: Trajectory) -> Motion:

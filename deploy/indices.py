@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deploy.epochs import NOT_KNOWN, epochs
 from deploy.trajectory import Floats, Integers, Trajectory
 
 SAMPLES_PER_S = 100
@@ -176,42 +177,23 @@ def energy(trajectory: Trajectory) -> Energy:
 def elections(trajectory: Trajectory) -> Elections | None:
     """Count rounds to agreement and enabled boards per epoch; None when nobody is elected.
 
-    Only boards that began an epoch have a say in it. Agreement is the first round after which all
-    of them know the largest urgency, and whose it is, of what they began with (eq. achievedMaxCons;
-    ties go to the higher board).
+    Agreement is the first round after which all members of an epoch know its maximum.
     """
-    election = trajectory.scenario["election"]
-    if not election["enabled"]:
+    found = epochs(trajectory)
+    if found is None:
         return None
-    period_ticks, rounds = election["period_ticks"], election["rounds"]
-    rounds_taken: Counter[int | str] = Counter()
-    enabled: Counter[int] = Counter()
-    for epoch, first in enumerate(range(0, trajectory.ticks - rounds, period_ticks)):
-        members = (trajectory.epoch[first] == epoch) & (trajectory.round[first] == 0)
-        if members.any():
-            played = slice(first, first + rounds + 1)
-            rounds_taken[_agreement(trajectory, epoch, played, members)] += 1
-            enabled[int(trajectory.enabled[first + rounds, members].sum())] += 1
-    taken = {str(n): rounds_taken[n] for n in range(rounds + 1) if rounds_taken[n]}
-    epochs = enabled.total()
+    taken = Counter(found.agreed_after.tolist())
+    enabled = Counter(found.enabled_boards.tolist())
     return Elections(
-        epochs=epochs,
-        rounds_to_agreement={**taken, NEVER: rounds_taken[NEVER]},
+        epochs=len(found.number),
+        rounds_to_agreement={
+            **{str(rounds): taken[rounds] for rounds in sorted(taken) if rounds != NOT_KNOWN},
+            NEVER: taken[NOT_KNOWN],
+        },
         enabled_0=enabled[0],
         enabled_1=enabled[1],
-        enabled_2_or_more=epochs - enabled[0] - enabled[1],
+        enabled_2_or_more=len(found.number) - enabled[0] - enabled[1],
     )
-
-
-def _agreement(
-    trajectory: Trajectory, epoch: int, played: slice, members: NDArray[np.bool_]
-) -> int | str:
-    urgency = trajectory.urgency[played, members]
-    candidate = trajectory.candidate[played, members]
-    most = max(zip(urgency[0], candidate[0], strict=True))
-    knows = (urgency == most[0]) & (candidate == most[1])
-    agreed = (knows & (trajectory.epoch[played, members] == epoch)).all(axis=1)
-    return int(agreed.argmax()) if agreed.any() else NEVER
 
 
 def _approach(

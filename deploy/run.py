@@ -9,7 +9,8 @@ from pathlib import Path
 from deploy.processes import SPOOL, Processes, RunFailedError, Watch
 from deploy.rigs import NoPortsError, claim
 from deploy.twin import Twin
-from plant_server.record import fall_line
+from plant_server.facts import facts
+from plant_server.record import STOPPED, fall_line
 from plant_server.spool import SpoolWriter
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError
@@ -75,19 +76,19 @@ def run(
 
 def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     twin = Twin(scenario)
-    spool = SpoolWriter(folder / SPOOL, scenario.values)
     started = time.monotonic()
     stopped = None
-    try:
-        for record in twin.run():
-            if record.tick == 0:
-                started = time.monotonic()
-            spool.append(record)
-            watch.on_tick(record.tick)
-    except StoppedError:
-        stopped = "stopped"
-    outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
-    spool.close(outcome)
+    with SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool:
+        try:
+            for record in twin.run():
+                if record.tick == 0:
+                    started = time.monotonic()
+                spool.append(record, None)
+                watch.on_tick(record.tick)
+        except StoppedError:
+            stopped = STOPPED
+        outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
+        spool.close(outcome)
     if stopped is not None:
         raise StoppedError
     if not twin.lockstep.body.fallen:

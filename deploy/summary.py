@@ -14,27 +14,24 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
-    versions                                python, decmesh, zenoh, numpy
+    versions                                python, decmesh, zenoh, numpy, msgpack
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
 """
 
 import json
 import os
-import platform
 import tempfile
-from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
 from deploy.indices import all_indices, elections, energy
 from deploy.trajectory import Trajectory
+from plant_server.facts import versions
 
 Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
-
-DISTRIBUTIONS = {"decmesh": "decmesh", "zenoh": "eclipse-zenoh", "numpy": "numpy"}
 
 
 def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
@@ -59,17 +56,6 @@ def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
     }
     finite: Summary = _finite(values)
     return finite
-
-
-def versions() -> dict[str, str | None]:
-    """Versions of what a trajectory depends on; None for what is not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for name, distribution in DISTRIBUTIONS.items():
-        try:
-            found[name] = version(distribution)
-        except PackageNotFoundError:
-            found[name] = None
-    return found
 
 
 def write_summary(path: Path, values: Summary) -> None:

@@ -110,7 +110,7 @@ class Note(NamedTuple):
 def performance_table(original: Summary | None, distributed: Summary | None) -> Table:
     """Table II with the paper's value beside ours, for either controller or both."""
     runs = _runs(original, distributed)
-    letters, compared = _letters(runs), any(_is_papers_body(run) for run in runs)
+    letters, compared = letters_of(runs), any(_is_papers_body(run) for run in runs)
     table = Table(box=box.SIMPLE_HEAD, title="Dynamic performance", title_style="bold")
     table.add_column("Variable", no_wrap=True)
     table.add_column("Index", no_wrap=True)
@@ -120,24 +120,28 @@ def performance_table(original: Summary | None, distributed: Summary | None) -> 
             table.add_column(f"{title}\npaper", justify="right", no_wrap=True)
         ours = "\nours\u00a0\u00a0" if compared else f"{title}\u00a0\u00a0"
         table.add_column(ours, justify="right", no_wrap=True)
-    for name, rows in _sections(runs):
+    for name, rows in sections(runs):
         for row in rows:
-            pairs = [_cells(name, row, run, letters) for run in runs]
-            cells = [cell for pair in pairs for cell in pair[0 if compared else 1 :]]
+            pairs = [cells(name, row, run, letters) for run in runs]
+            row_cells = [cell for pair in pairs for cell in pair[0 if compared else 1 :]]
             first = name if row is rows[0] else ""
-            table.add_row(first, row.label, *cells, end_section=row is rows[-1])
+            table.add_row(first, row.label, *row_cells, end_section=row is rows[-1])
     return table
 
 
 def notes(original: Summary | None, distributed: Summary | None) -> list[Note]:
     """What the marks in the table mean: the tick, a letter for each reason, the dash."""
-    runs = _runs(original, distributed)
+    return notes_on(_runs(original, distributed))
+
+
+def notes_on(runs: Sequence[Run]) -> list[Note]:
+    """The same for any runs."""
     found = [Note(MISSING, "Never reached; settling: still outside when the run ended.")]
     if any(_is_papers_body(run) for run in runs):
         found.append(Note(MET, "Within 10 % or 0.05 s of the paper."))
     reasons = {
         letter: EXPLANATIONS[key] if _all_papers(runs) else ELSEWHERE
-        for key, letter in _letters(runs).items()
+        for key, letter in letters_of(runs).items()
     }
     return [*found, *(Note(letter, reason) for letter, reason in reasons.items())]
 
@@ -203,13 +207,15 @@ def _all_papers(runs: Sequence[Run]) -> bool:
     )
 
 
-def _sections(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[Row, ...]]]:
+def sections(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[Row, ...]]]:
+    """Names of the controlled variables, and last "" for energies, with the rows of each."""
     for name in dict.fromkeys(name for run in runs for name in run.summary["indices"]):
         yield name, ROWS
     yield "", ENERGY_ROWS
 
 
-def _value(name: str, key: str, run: Run) -> float | None:
+def value_of(name: str, key: str, run: Run) -> float | None:
+    """Our number for one row of a section."""
     values = run.summary["indices"].get(name, {}) if name else run.summary["energy_j"]
     value: float | None = values.get(key)
     return abs(value) if key == "net" and value is not None else value
@@ -220,35 +226,36 @@ def _published(name: str, key: str, run: Run) -> float | None:
     return None if printed is None else printed[run.column]
 
 
-def _letters(runs: Sequence[Run]) -> dict[str, str]:
+def letters_of(runs: Sequence[Run]) -> dict[str, str]:
     """Give a letter to each index that somewhere is not met, in the order of the table."""
     missed = dict.fromkeys(
         row.key
-        for name, rows in _sections(runs)
+        for name, rows in sections(runs)
         for row in rows
         for run in runs
         if (paper := _published(name, row.key, run)) is not None
-        and not meets(row.key, _value(name, row.key, run), paper)
+        and not meets(row.key, value_of(name, row.key, run), paper)
     )
     if not _all_papers(runs):
         return dict.fromkeys(missed, "a")
     return {key: chr(ord("a") + i) for i, key in enumerate(missed)}
 
 
-def _cells(name: str, row: Row, run: Run, letters: dict[str, str]) -> tuple[Text, Text]:
+def cells(name: str, row: Row, run: Run, letters: dict[str, str]) -> tuple[Text, Text]:
     """Write the paper's value and ours, with a mark where there is something to compare."""
-    value = _value(name, row.key, run)
-    ours = Text(_written(row, value))
+    value = value_of(name, row.key, run)
+    ours = Text(written(row, value))
     published = _published(name, row.key, run)
     if published is None:
         return Text(), ours.append("\u00a0\u00a0")
-    paper = Text(_written(row, published), style="dim")
+    paper = Text(written(row, published), style="dim")
     if meets(row.key, value, published):
         return paper, ours.append(f" {MET}", style="green")
     return paper, ours.append(f" {letters[row.key]}", style="yellow")
 
 
-def _written(row: Row, value: float | None) -> str:
+def written(row: Row, value: float | None) -> str:
+    """Write a value with its unit."""
     return MISSING if value is None else f"{value:.{row.decimals}f}{row.unit}"
 
 

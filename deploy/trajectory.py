@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant_server.record import Outcome, TickRecord
+from plant_server.spool import Spool
 from protocol.frames import NO_EPOCH, TorqueFrame, decode
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+CUT_OFF = "cut off"
+"""The ending of a run whose recording does not say how it ended."""
 NOBODY = TorqueFrame(0, 0, 0, 0.0, 0, 0, 0.0, NO_EPOCH, 0, 0.0, -1, 0, 0, ())
 """What a joint without a board says."""
 
@@ -59,6 +62,11 @@ class Trajectory:
         return len(self.torques_nm)
 
     @property
+    def joints(self) -> list[str]:
+        """Names of the joints."""
+        return [board["joint"] for board in self.scenario["board"]]
+
+    @property
     def tick_s(self) -> float:
         """Length of a tick."""
         return float(self.scenario["run"]["tick_s"])
@@ -87,7 +95,7 @@ def trajectory(
     scenario: dict[str, Any], records: Sequence[TickRecord], outcome: Outcome
 ) -> Trajectory:
     """Turn the records of a run, warm-up included, into arrays."""
-    free = [record for record in records if record.tick >= 0]
+    free = [record for record in records if 0 <= record.tick < outcome.tick]
     joints = len(scenario["board"])
     said = [
         [decode(TorqueFrame, answer) if answer else NOBODY for answer in record.answers]
@@ -121,3 +129,19 @@ def trajectory(
         urgency=floats("urgency"),
         candidate=integers("candidate"),
     )
+
+
+def recorded_trajectory(spool: Spool) -> Trajectory:
+    """Turn a recording into arrays, also one that was cut off.
+
+    What the last tick before a cut led to is not known, so that tick has no part in it.
+    """
+    return trajectory(spool.scenario, spool.ticks, spool.outcome or _cut_off(spool))
+
+
+def _cut_off(spool: Spool) -> Outcome:
+    last, walls = spool.ticks[-1], [walls for walls in spool.walls if walls is not None]
+    wall_s = 0.0
+    if last.tick > 0 and len(walls) > last.tick:
+        wall_s = (walls[-1].opened_ns - walls[-1 - last.tick].opened_ns) / 1e9
+    return Outcome(last.tick, last.angles_rad, last.rates_rad_s, CUT_OFF, wall_s)

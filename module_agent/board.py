@@ -113,9 +113,12 @@ class Board:
             raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
         return observation
 
-    def hear(self, link: int, payload: bytes) -> None:
-        """Take a frame that arrived on the `link`-th of this board's links, whenever it did."""
-        self.hearings[link].put(payload)
+    def hear(self, link: int, payload: bytes) -> int:
+        """Take a frame that arrived on the `link`-th of this board's links, whenever it did.
+
+        Returns the tick in which it was said, `NO_TICK` if it cannot be used.
+        """
+        return self.hearings[link].put(payload)
 
     def missing(self, observation: Observation) -> int | None:
         """The first link whose frame of the tick before has yet to arrive, if any."""

@@ -42,16 +42,19 @@ class Hearing:
         self._late: dict[int, list[LinkFrame]] = {}
         self._used_tick = NO_TICK
 
-    def put(self, payload: bytes) -> None:
-        """Take what the network brought, in any order, any number of times."""
+    def put(self, payload: bytes) -> int:
+        """Take what the network brought, in any order, any number of times.
+
+        Returns the tick in which it was said, `NO_TICK` if it cannot be used.
+        """
         try:
             frame = decode(LinkFrame, payload)
             self._check(frame)
         except ProtocolError as error:
             self.refused[error.reason] += 1
-            return
+            return NO_TICK
         if frame.tick == self._used_tick:
-            return  # Said again, as when a link comes back: harmless, and nobody's fault.
+            return frame.tick  # Said again, as when a link comes back: harmless, nobody's fault.
         self._waiting[frame.tick, frame.incarnation] = frame, payload
         if len(self._waiting) > EARLY_FRAMES_MAX:
             # A board that has yet to be admitted hears the others go on: the newest count. Later
@@ -59,6 +62,7 @@ class Hearing:
             waits = self._used_tick == NO_TICK
             del self._waiting[min(self._waiting) if waits else max(self._waiting)]
             self.refused[Reason.TICK] += 1
+        return frame.tick
 
     def has(self, tick: int, neighbour: Neighbour) -> bool:
         """Whether the frame that this neighbour said in `tick` is here."""

@@ -1,10 +1,15 @@
 """A board's place on the network: what it declares, and where it leaves what comes.
 
-What comes each tick is left by a function written in C (`SimpleQueue.put`, `deque.append`): a
-Python function, called from a thread that Python did not start, costs more than the tick.
+What comes each tick is left by a function written in C: a Python function, called from a thread
+that Python did not start, costs more than the tick. Observations go through `SimpleQueue.put`.
+Frames of neighbours are looked up in a dictionary that gives each key that it has not seen, and so
+each frame that comes, a reading of the clock: they are kept in order, with their times of arrival.
 """
 
-from collections import deque
+import os
+import time
+from collections import defaultdict
+from collections.abc import Iterator
 from queue import SimpleQueue
 from typing import Any
 
@@ -22,18 +27,19 @@ Event = tuple[int, Any]
 class Post:
     """Publishers and subscribers of one board."""
 
-    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
+    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str) -> None:
         self.session = session
-        self.boot = boot
+        self.boot = int.from_bytes(os.urandom(8), "little") >> 1
         """Names this start of the firmware."""
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Observations as they come, everything else with its kind."""
-        self.heard: list[deque[zenoh.Sample]] = [deque() for _ in config.neighbours]
+        self._heard = [defaultdict[zenoh.Sample, int](time.monotonic_ns) for _ in config.neighbours]
         """Frames of each neighbour. They wake nobody: without an observation they are no use."""
         self._neighbours = config.neighbour_joints
         joint, alive = config.joint, session.liveliness()
         self._torque = self._publisher(keys.torque(rig, joint))
         self._stalled = self._publisher(keys.stalled(rig, joint))
+        self._timing = self._publisher(keys.timing(rig, joint))
         self._links = [
             self._publisher(keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
@@ -47,13 +53,13 @@ class Post:
             *(
                 session.declare_subscriber(
                     keys.link(rig, neighbour, joint),
-                    zenoh.handlers.Callback(frames.append, indirect=False),
+                    zenoh.handlers.Callback(frames.__getitem__, indirect=False),
                 )
-                for neighbour, frames in zip(config.neighbour_joints, self.heard, strict=True)
+                for neighbour, frames in zip(config.neighbour_joints, self._heard, strict=True)
             ),
             *(link.declare_matching_listener(self._left(MATCHING)) for link in self._links),
             alive.declare_subscriber(keys.plant_alive(rig), self._left(PLANT), history=True),
-            alive.declare_token(keys.alive(rig, joint, boot)),
+            alive.declare_token(keys.alive(rig, joint, self.boot)),
         ]
 
     def say(self, actuation: Actuation) -> None:
@@ -62,6 +68,22 @@ class Post:
         for link, payload in zip(self._links, actuation.links, strict=True):
             link.put(payload)
         self._torque.put(actuation.torque)
+
+    def heard(self) -> Iterator[tuple[int, bytes, int]]:
+        """What neighbours have said since the last look: link, frame, time of arrival in ns."""
+        for link, frames in enumerate(self._heard):
+            if frames:
+                for sample in list(frames):  # At one go: more may come at any time.
+                    yield link, sample.payload.to_bytes(), frames.pop(sample)
+
+    def report_timing(self, payload: bytes) -> None:
+        """Tell the plant when this board did what."""
+        self._timing.put(payload)
+
+    @property
+    def records(self) -> bool:
+        """Whether a plant wants to know when this board did what."""
+        return self._is_up(self._timing)
 
     def report_stall(self, payload: bytes) -> None:
         """Tell the plant that a neighbour's frame is missing."""
@@ -84,7 +106,7 @@ class Post:
         """Throw away what has come and was not looked at."""
         while not self.events.empty():
             self.events.get()
-        for frames in self.heard:
+        for frames in self._heard:
             frames.clear()
 
     def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":

@@ -7,17 +7,17 @@ frames of the tick before; then it ticks.
 
 import json
 import math
-import os
 import sys
 import time
 from queue import Empty
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
 from module_agent.config import BoardConfig, board_config
 from module_agent.post import END, MATCHING, REPLY, Event, Post
+from module_agent.timing import BoardTiming
 from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
 from protocol.exit_codes import ExitCode, refused
 from protocol.frames import (
@@ -29,6 +29,7 @@ from protocol.frames import (
     decode,
     encode,
 )
+from protocol.machine import clock_id, effort
 from protocol.process import ignore_signals, restarted_when_stuck
 from protocol.scenario import ResolvedScenario
 from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
@@ -43,13 +44,6 @@ TELL_AFTER_S = 0.5
 LOOK_AGAIN_S = 20e-6
 LOOK_AGAIN_S_MAX = 5e-3
 """How often a board with an observation looks for a neighbour's frame that is not here yet."""
-
-
-class Spoken(NamedTuple):
-    """What a board said in one tick."""
-
-    tick: int
-    actuation: Actuation
 
 
 class FinishedError(Exception):
@@ -79,8 +73,7 @@ def serve(joint: str, scenario: ResolvedScenario) -> int:
     with session:
         try:
             with restarted_when_stuck():
-                boot = int.from_bytes(os.urandom(8), "little") >> 1
-                post = Post(session, config, rig=rig.name, boot=boot)
+                post = Post(session, config, rig=rig.name)
             Runtime(post, config, scenario, rig, trouble=trouble).run()
         except FinishedError as finished:
             if finished.code != ExitCode.OK:
@@ -115,8 +108,10 @@ class Runtime:
         self.rig = rig
         self.board: Board | None = None
         self.pending: Observation | None = None
-        self.last: Spoken | None = None
+        self.last: Actuation | None = None
         """What was said in the last tick."""
+        self.timing = BoardTiming(clock=clock_id())
+        self._taken_up_ns = 0
         self._stall_told = False
         self._former_run = 0
         self._give_up_s = math.inf
@@ -149,16 +144,26 @@ class Runtime:
         return min(max(LOOK_AGAIN_S, waited_s / 4.0), LOOK_AGAIN_S_MAX)
 
     def _hear(self, board: Board) -> None:
-        for link, frames in enumerate(self.post.heard):
-            while frames:
-                board.hear(link, frames.popleft().payload.to_bytes())
+        for link, payload, arrived_ns in self.post.heard():
+            self.timing.arrived(link, board.hear(link, payload), arrived_ns)
 
     def _tick(self, board: Board, observation: Observation) -> None:
-        self.last = Spoken(observation.tick, board.tick(observation))
-        self.post.say(self.last.actuation)
+        self.last = board.tick(observation)
+        decided_ns = time.monotonic_ns()
+        self.post.say(self.last)
+        self.timing.ticked(observation.tick, self._taken_up_ns, decided_ns, time.monotonic_ns())
+        if self.timing.due:
+            self._report_timing()
         self.pending = None
         self._stall_told = False
         self._waiting_since = time.monotonic()
+
+    def _report_timing(self) -> None:
+        """Tell a plant that records when this board did what; another one need not know."""
+        if self.post.records:
+            self.post.report_timing(self.timing.frame(effort()))
+        else:
+            self.timing.ticks.clear()
 
     def _handle(self, event: "zenoh.Sample | Event") -> None:
         if not isinstance(event, tuple):
@@ -173,7 +178,7 @@ class Runtime:
             self._ask()
             if self.last is not None:
                 # Whoever is back may have missed it; to say it twice is harmless.
-                self.post.say(self.last.actuation)
+                self.post.say(self.last)
         elif content.kind == zenoh.SampleKind.DELETE:
             self._enrol_again(f"the plant is gone; waiting {PLANT_BACK_WITHIN_S:g} s for another")
             self._give_up_s = time.monotonic() + PLANT_BACK_WITHIN_S
@@ -185,13 +190,14 @@ class Runtime:
             return
         try:
             self.pending = board.read(payload)
+            self._taken_up_ns = time.monotonic_ns()
             self._stall_told = False
             self._waiting_since = time.monotonic()
         except ProtocolError as error:
             board.refused[error.reason] += 1
         except AnsweredError:
             if self.last is not None:
-                self.post.say(self.last.actuation)
+                self.post.say(self.last)
         except ReplacedError as replaced:
             if replaced.incarnation != 0:
                 line = "the plant has given this joint to another process"
@@ -221,9 +227,10 @@ class Runtime:
         if self.trouble is not None:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
-        ticking = self.last is not None
-        if self.board is None or (self.board.run_id != answer.run_id and not ticking):
-            self.board = Board(self.config, run_id=answer.run_id, incarnation=answer.incarnation)
+        if self.board is None or (self.last is None and self.board.run_id != answer.run_id):
+            granted = {"run_id": answer.run_id, "incarnation": answer.incarnation}
+            self.board = Board(self.config, **granted)
+            self.timing.begin(**granted)
             if self._early is not None:
                 self._observe(self._early)
 
@@ -233,11 +240,12 @@ class Runtime:
         except ProtocolError:
             return
         if self.board is not None and end.run_id == self.board.run_id:
+            while self.timing.ticks:
+                self._report_timing()
             raise FinishedError(ExitCode.OK, f"run over: {end.reason}")
 
     def _ask(self) -> None:
         """Ask to be let in, or tell the plant that another link has come up."""
-        link = self.config.link
         request = EnrolmentRequest(
             version=VERSION,
             rig=self.rig.name,
@@ -247,10 +255,7 @@ class Runtime:
             boot=self.post.boot,
             links_up=sum(up << n for n, up in enumerate(self.post.links_up())),
             former_run=self._former_run,
-            mass_kg=link.mass_kg,
-            length_m=link.length_m,
-            com_m=link.com_m,
-            inertia_kg_m2=link.inertia_kg_m2,
+            **self.config.link._asdict(),
         )
         self.post.ask(encode_enrolment(request), ASK_EVERY_S)
 

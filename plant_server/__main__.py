@@ -3,13 +3,15 @@
 import argparse
 import json
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import zenoh
 
+from plant_server.facts import facts
 from plant_server.post import Post
-from plant_server.record import COMPLETE, FELL, Outcome, fall_line
-from plant_server.runtime import STOPPED, Options, Runtime
+from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
+from plant_server.runtime import Options, Runtime
 from plant_server.spool import SpoolWriter
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode
@@ -59,26 +61,32 @@ def serve(scenario: ResolvedScenario, options: Options) -> int:
         print(f"plant: {network_trouble(rig.endpoint(0), str(error))}", file=sys.stderr)
         return ExitCode.NO_NETWORK
     with session:
-        writer = None
         try:
             with restarted_when_stuck():
-                post = Post(session, rig, scenario.joints)
-            if options.spool is not None:
-                writer = SpoolWriter(options.spool, scenario.values)
-            outcome = Runtime(post, scenario, rig, options, writer).run()
+                post = Post(session, rig, scenario.joints, records=options.spool is not None)
+            with _recording(scenario, options) as writer:
+                outcome = Runtime(post, scenario, rig, options, writer).run()
         except OSError as error:
             print(f"plant: cannot write {options.spool}: {error.strerror}", file=sys.stderr)
             return ExitCode.NO_OUTPUT
         finally:
             ignore_signals()
-    return _report(outcome, scenario, options, writer)
+    return _report(outcome, scenario, options)
 
 
-def _report(
-    outcome: Outcome, scenario: ResolvedScenario, options: Options, writer: SpoolWriter | None
-) -> int:
-    if writer is not None and writer.trouble is not None:
-        print(f"plant: recording is incomplete: {writer.trouble.strerror}", file=sys.stderr)
+def _recording(
+    scenario: ResolvedScenario, options: Options
+) -> AbstractContextManager[SpoolWriter | None]:
+    if options.spool is None:
+        return nullcontext()
+    return SpoolWriter(options.spool, scenario.values, facts("processes"), _tell)
+
+
+def _tell(line: str) -> None:
+    print(f"plant: {line}", file=sys.stderr, flush=True)
+
+
+def _report(outcome: Outcome, scenario: ResolvedScenario, options: Options) -> int:
     if outcome.ending == COMPLETE:
         if not options.progress:
             rate = outcome.tick / outcome.wall_s

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from protocol.enrolment import EnrolmentReply, EnrolmentRequest, Verdict
 from protocol.frames import VERSION
-from protocol.scenario import next_run_id
+from protocol.scenario import next_run_id, run_id
 from protocol.wiring import neighbours
 
 
@@ -30,11 +30,11 @@ class Seat:
 class Enrolment:
     """Decides over requests; pure."""
 
-    def __init__(self, *, rig: str, joints: list[str], digest: bytes, run_id: int) -> None:
+    def __init__(self, *, rig: str, joints: list[str], digest: bytes) -> None:
         self.rig = rig
         self.joints = joints
         self.digest = digest
-        self.run_id = run_id
+        self.run_id = run_id(digest)
         self.begun = False
         """The run has had its first tick, and keeps its name."""
         self.seats = [Seat() for _ in joints]

@@ -125,7 +125,8 @@ class Lockstep:
         self.latest[board] = None
         self._torques_nm[board] = 0.0
         self._invalid_ticks[board] = 0
-        self._events.append(["gone", board, why])
+        # A board that has been given its observation may have acted on it before it went.
+        self._events.append(["gone_midway" if self._given else "gone", board, why])
         if self._given:
             self._left.add(board)
         else:

@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 COMPLETE = "complete"
 FELL = "fell"
+STOPPED = "stopped"
+"""The ending of a run that was told to stop."""
 
 
 class TickRecord(NamedTuple):
@@ -17,6 +19,17 @@ class TickRecord(NamedTuple):
     """Torque frames, from the ground up; empty where there was no board."""
     events: tuple[list[Any], ...]
     """Commands that took effect, boards that came and went, verdicts: `[what, ...]`."""
+
+
+class Walls(NamedTuple):
+    """When a tick happened, on the monotonic clock of the plant's machine."""
+
+    opened_ns: int
+    """Before the observations went out."""
+    answered_ns: tuple[int, ...]
+    """When the answer of each board was taken; 0: it did not answer."""
+    closed_ns: int
+    """After the last answer, before the body moved on."""
 
 
 class Undriven(NamedTuple):
@@ -37,7 +50,7 @@ class Outcome(NamedTuple):
     angles_rad: tuple[float, ...]
     rates_rad_s: tuple[float, ...]
     ending: str
-    """`COMPLETE`, `FELL`, or why it was cut short."""
+    """`COMPLETE`, `FELL`, `STOPPED`, or why else it was cut short."""
     wall_s: float
     """Wall time from the release of the body to the end."""
     undriven: tuple[Undriven, ...] = ()

@@ -18,13 +18,14 @@ from plant_server.config import plant_config
 from plant_server.enrolment import Enrolment
 from plant_server.lockstep import Lockstep
 from plant_server.post import CONTROL, ENROL, STALLED, Event, Post
-from plant_server.record import Outcome
+from plant_server.record import STOPPED, Outcome, Walls
+from plant_server.recorder import Recorder
 from plant_server.spool import SpoolWriter
 from protocol import keys
 from protocol.enrolment import Verdict, decode_request, encode_enrolment
 from protocol.frames import End, ProtocolError, Stalled, decode, encode, shortened
 from protocol.process import StoppedError
-from protocol.scenario import ResolvedScenario, run_id
+from protocol.scenario import ResolvedScenario
 from protocol.wiring import Rig, neighbours
 
 TELL_AFTER_S = 0.5
@@ -34,9 +35,6 @@ LOOK_EVERY_S = 0.02
 PROGRESS_EVERY_S = 0.1
 FAREWELL_S = 0.5
 """How long the plant waits for boards to have heard that the run is over."""
-
-STOPPED = "stopped"
-"""The ending of a run that was told to stop."""
 
 
 class Options(NamedTuple):
@@ -63,13 +61,10 @@ class Runtime:
     ) -> None:
         self.rig = rig
         self.options = options
-        self.writer = writer
         self.joints = scenario.joints
-        name = run_id(scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=name)
-        self.enrolment = Enrolment(
-            rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=name
-        )
+        self.enrolment = Enrolment(rig=rig.name, joints=self.joints, digest=scenario.digest)
+        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.enrolment.run_id)
+        self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = post
         self._released_s: float | None = None
         self._shown_s = 0.0
@@ -79,6 +74,7 @@ class Runtime:
         self._newcomers: set[int] = set()
         self._starved: dict[int, int] = {}
         """Boards that say whose frame they wait for."""
+        self._answered_ns = [0] * len(self.joints)
 
     def run(self) -> Outcome:
         """Wait for every board, then tick to the end. Returns how the run ended."""
@@ -102,10 +98,12 @@ class Runtime:
             cut_short = STOPPED
         wall_s = 0.0 if self._released_s is None else time.monotonic() - self._released_s
         outcome = self.lockstep.outcome(wall_s, cut_short)
-        if self.writer is not None:
-            self.writer.close(outcome)
         self._say(f"{outcome.tick} {wall_s:.6f}")
-        self._farewell(outcome.ending)
+        try:
+            self._farewell(outcome.ending)
+        finally:
+            if self.recorder is not None:
+                self.recorder.close(outcome, self.post.timings())
         return outcome
 
     def _boundary(self) -> None:
@@ -155,8 +153,12 @@ class Runtime:
         lockstep = self.lockstep
         if lockstep.tick == 0:
             self._released_s = self._shown_s = time.monotonic()
+        self._answered_ns = [0] * len(self.joints)
+        opened_ns = time.monotonic_ns()
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
+        if self.recorder is not None:
+            self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -164,9 +166,10 @@ class Runtime:
             except Empty:
                 self._lose_patience()
         self._starved.clear()
+        walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
         record = lockstep.close()
-        if self.writer is not None:
-            self.writer.append(record)
+        if self.recorder is not None:
+            self.recorder.keep(record, walls)
         if self.options.progress:
             self._show(record.tick)
 
@@ -213,7 +216,8 @@ class Runtime:
     def _handle(self, event: "zenoh.Sample | Event") -> None:
         if not isinstance(event, tuple):
             board = self.post.torque_keys[str(event.key_expr)]
-            self.lockstep.answer(board, event.payload.to_bytes())
+            if self.lockstep.answer(board, event.payload.to_bytes()):
+                self._answered_ns[board] = time.monotonic_ns()
             return
         kind, content = event
         if kind == ENROL:
@@ -234,13 +238,10 @@ class Runtime:
             frame = decode(Stalled, sample.payload.to_bytes())
             joint = keys.joint_of(str(sample.key_expr))
             board = self.joints.index(joint)
-            current = (
-                self.enrolment.run_id,
-                self.lockstep.roster.incarnations[board],
-                self.lockstep.tick,
-            )
+            lockstep = self.lockstep
+            current = (lockstep.run_id, lockstep.roster.incarnations[board], lockstep.tick)
             adjacent = frame.sender in neighbours(board, len(self.joints))
-            if adjacent and frame[:3] == current and board in self.lockstep.waiting_for:
+            if adjacent and frame[:3] == current and board in lockstep.waiting_for:
                 self._starved[board] = frame.sender
                 self._excuse_orphans()
 

@@ -1,100 +1,158 @@
-"""The spool: what a run leaves behind while it goes on, in chunks that survive a kill.
+"""The spool: what a run leaves behind while it goes on, for whoever reads it afterwards.
 
-Rule 1: appending is cheap; everything that takes time happens after the run.
-Rule 2: a chunk is its length, its CRC-32, and msgpack records. What was cut off is the last chunk.
+Rule 1: appending is cheap; everything that takes time happens on another thread or after the run.
+Rule 2: the spool is chunks (`plant_server.chunks`) of msgpack records, each a kind and its fields.
 Rule 3: trouble with the disk never reaches the control loop; it is told once, and recording stops.
+Rule 4: the record of how the run ended is the last one, so without it a spool is incomplete.
 """
 
 import json
-import struct
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
-from zlib import crc32
+from types import TracebackType
+from typing import Any, NamedTuple, Self
 
 import msgpack
 
-from plant_server.record import Outcome, TickRecord, Undriven
+from plant_server.chunks import ChunkWriter, read_chunks
+from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from protocol.frames import decode
+from protocol.machine import effort
 from protocol.scenario import canonical
+from protocol.timing import Timing
 
 CHUNK_BYTES = 1 << 18
-_HEADER = struct.Struct("<4sII")
-_MAGIC = b"DECM"
-_SCENARIO, _TICK, _OUTCOME = 0, 1, 2
+_SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
+
+
+def to_stderr(line: str) -> None:
+    """Tell whoever started this process."""
+    print(line, file=sys.stderr, flush=True)
 
 
 class SpoolWriter:
-    """Appends records to a new file. Raises OSError if it cannot be made, or is there already."""
+    """Appends records to a new file. Raises OSError if it cannot be made, or is there already.
 
-    def __init__(self, path: Path, scenario: dict[str, Any]) -> None:
-        self.trouble: OSError | None = None
-        self._file = path.open("xb")
+    A context: on leaving it, what there is has been written. `tell` is given one line if the
+    recording has to stop before the run does.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        scenario: dict[str, Any],
+        facts: dict[str, Any] | None = None,
+        tell: Callable[[str], None] = to_stderr,
+    ) -> None:
+        self._chunks = ChunkWriter(path, chunk_bytes=CHUNK_BYTES)
         self._pack = msgpack.Packer(use_bin_type=True).pack
-        self._pending = bytearray(self._pack((_SCENARIO, canonical(scenario))))
+        self._tell = tell
+        self._told = self._closed = False
+        self._chunks.put(self._pack((_SCENARIO, canonical(scenario))))
+        self.note(facts or {})
 
-    def append(self, record: TickRecord) -> None:
-        """Keep one tick."""
-        self._pending += self._pack((_TICK, *record))
-        if len(self._pending) >= CHUNK_BYTES:
-            self._write()
+    def __enter__(self) -> Self:
+        return self
 
-    def close(self, outcome: Outcome) -> None:
-        """Keep how the run ended, and write what is left."""
-        self._pending += self._pack((_OUTCOME, *outcome))
-        self._write()
-        try:
-            self._file.close()
-        except OSError as error:
-            self.trouble = self.trouble or error
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self.close(None)
 
-    def _write(self) -> None:
-        chunk, self._pending = bytes(self._pending), bytearray()
-        if self.trouble is not None:
+    @property
+    def trouble(self) -> OSError | None:
+        """Why nothing is recorded any more."""
+        return self._chunks.trouble
+
+    def note(self, facts: dict[str, Any]) -> None:
+        """Keep facts about the run; later ones go over earlier ones of the same name."""
+        self._chunks.put(self._pack((_FACTS, canonical(facts))))
+
+    def keep_timing(self, board: int, payload: bytes) -> None:
+        """Keep a `Timing` frame of a board, as it came."""
+        self._chunks.put(self._pack((_TIMING, board, payload)))
+
+    def append(self, record: TickRecord, walls: Walls | None) -> None:
+        """Keep one tick; in the twin it has no wall times."""
+        if self._chunks.trouble is None:
+            self._chunks.put(self._pack((_TICK, *record, walls)))
+        else:
+            self._complain(f"recording stopped at tick {record.tick}", "; the run goes on")
+
+    def close(self, outcome: Outcome | None) -> None:
+        """Keep how the run ended, if it did, and write what is left. Closing twice is harmless."""
+        if self._closed:
             return
-        try:
-            self._file.write(_HEADER.pack(_MAGIC, len(chunk), crc32(chunk)) + chunk)
-            self._file.flush()
-        except OSError as error:
-            self.trouble = error
+        self._closed = True
+        if outcome is not None:
+            used = effort()
+            self.note({"cpu_s": used.cpu_us / 1e6, "memory_kb": used.memory_kb})
+            self._chunks.put(self._pack((_OUTCOME, *outcome)))
+        self._chunks.close()
+        if self.trouble is not None:
+            self._complain("recording is incomplete", "")
+
+    def _complain(self, what: str, and_now: str) -> None:
+        if not self._told and self.trouble is not None:
+            self._told = True
+            self._tell(f"{what}: {self.trouble.strerror}{and_now}")
 
 
 class Spool(NamedTuple):
     """What was read back."""
 
     scenario: dict[str, Any]
+    facts: dict[str, Any]
+    """Machine, versions, mode, numeric fingerprint; at the end the plant's own effort."""
     ticks: list[TickRecord]
+    walls: list[Walls | None]
+    """One for each tick; None where no clock was read, as in the twin."""
+    timings: list[tuple[int, Timing]]
+    """Boards, and when they did what, in the order in which the plant received it.
+
+    When a run was cut short, boards may tell of the tick that was open as well.
+    """
     outcome: Outcome | None
     """None: the run was cut off before it could say how it ended."""
+    complete: bool
+    """Whether the recording has its end: nothing that happened is missing."""
 
 
 def read_spool(path: Path) -> Spool:
     """Read all complete chunks of a spool. Raises ValueError if not even the first is there."""
     scenario: dict[str, Any] | None = None
+    facts: dict[str, Any] = {}
     ticks: list[TickRecord] = []
+    walls: list[Walls | None] = []
+    timings: list[tuple[int, Timing]] = []
     outcome: Outcome | None = None
     for kind, *fields in _records(path.read_bytes()):
         if kind == _TICK:
-            tick, *sequences = fields
+            tick, *sequences, times = fields
             ticks.append(TickRecord(tick, *map(tuple, sequences)))
+            walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
+        elif kind == _TIMING:
+            board, payload = fields
+            timings.append((board, decode(Timing, payload)))
         elif kind == _OUTCOME:
             tick, angles, rates, ending, wall_s, undriven = fields
             joints = tuple(Undriven(*joint) for joint in undriven)
             outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
+        elif kind == _FACTS:
+            facts |= json.loads(fields[0])
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
         raise ValueError(f"{path} holds no complete chunk of a run")
-    return Spool(scenario, ticks, outcome)
+    return Spool(scenario, facts, ticks, walls, timings, outcome, outcome is not None)
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:
-    start = 0
-    while start + _HEADER.size <= len(content):
-        magic, length, checksum = _HEADER.unpack_from(content, start)
-        chunk = content[start + _HEADER.size : start + _HEADER.size + length]
-        if magic != _MAGIC or len(chunk) < length or crc32(chunk) != checksum:
-            return
+    for chunk in read_chunks(content):
         unpacker = msgpack.Unpacker(max_buffer_size=0)
         unpacker.feed(chunk)
         yield from unpacker
-        start += _HEADER.size + length

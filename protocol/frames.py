@@ -15,6 +15,8 @@ from zlib import crc32
 
 import msgpack
 
+from protocol.timing import TickTiming, Timing
+
 VERSION = 1
 FRAME_BYTES_MAX = 256
 CRC_BYTES = 4
@@ -178,7 +180,8 @@ class Stalled(NamedTuple):
     """Index of the board whose frame it is."""
 
 
-AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled
+AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing
+AnyEntry = Neighbour | LinkUse | TickTiming
 Frame = TypeVar("Frame", bound=AnyFrame)
 
 
@@ -189,7 +192,7 @@ class Layout:
     """
 
     def __init__(
-        self, kind: int, types: tuple[type, ...], entry: type[Neighbour | LinkUse] | None = None
+        self, kind: int, types: tuple[type, ...], entry: type[AnyEntry] | None = None
     ) -> None:
         self.kind = kind
         self.entry = entry
@@ -219,6 +222,7 @@ LAYOUTS: dict[type, Layout] = {
     ),
     End: Layout(4, (int, str)),
     Stalled: Layout(5, (int, int, int, int)),
+    Timing: Layout(6, (int,) * 7, TickTiming),
 }
 
 _pack, _unpack = msgpack.Packer(use_bin_type=True).pack, msgpack.unpackb

@@ -32,6 +32,11 @@ def torque(rig: str, joint: str) -> str:
     return f"dec/v1/{rig}/{joint}/torque"
 
 
+def timing(rig: str, joint: str) -> str:
+    """One board to the plant, every few ticks: when it did what."""
+    return f"dec/v1/{rig}/{joint}/timing"
+
+
 def link(rig: str, sender: str, receiver: str) -> str:
     """One board to one mechanical neighbour, each tick."""
     return f"dec/v1/{rig}/{sender}/link/{receiver}"

@@ -55,6 +55,18 @@ def test_a_frame_that_was_said_is_heard_once() -> None:
     assert not ear.refused
 
 
+def test_whoever_brings_a_frame_learns_in_which_tick_it_was_said() -> None:
+    """Also of one that is said again, but of none that cannot be used."""
+    ear = hearing()
+    assert ear.put(encode(frame(7))) == 7
+    assert ear.put(encode(frame(8))) == 8
+    assert ear.put(encode(frame(7, run_id=RUN + 1))) == NO_TICK
+    assert ear.put(b"") == NO_TICK
+    assert ear.take(8, there(7)) == [frame(7)]
+    assert ear.put(encode(frame(7))) == 7
+    assert ear.put(encode(frame(6))) == NO_TICK
+
+
 def test_what_arrives_early_waits_for_its_tick() -> None:
     """S4: a frame of tick k+1 that is here in tick k is heard in k+2 and not before."""
     ear = hearing()

@@ -8,9 +8,10 @@ import pytest
 from plant_server.enrolment import Enrolment
 from protocol.enrolment import EnrolmentReply, EnrolmentRequest, Verdict
 from protocol.frames import VERSION
+from protocol.scenario import run_id
 
-RUN = 0x8000_0007
 DIGEST, OTHER = b"\x11" * 32, b"\x22" * 32
+RUN = run_id(DIGEST)
 JOINTS = ["ankle", "knee", "hip"]
 ANKLE, KNEE, HIP = range(3)
 BOOTS = (0xA, 0xB, 0xC)
@@ -38,7 +39,7 @@ def request(
 
 
 def enrolment() -> Enrolment:
-    return Enrolment(rig="robot", joints=JOINTS, digest=DIGEST, run_id=RUN)
+    return Enrolment(rig="robot", joints=JOINTS, digest=DIGEST)
 
 
 def accepted(incarnation: int) -> EnrolmentReply:
@@ -164,7 +165,7 @@ def test_whoever_is_absent_is_not_asked() -> None:
 
 
 def test_a_robot_of_one_joint_has_no_links() -> None:
-    desk = Enrolment(rig="robot", joints=["ankle"], digest=DIGEST, run_id=RUN)
+    desk = Enrolment(rig="robot", joints=["ankle"], digest=DIGEST)
     desk.decide(request(ANKLE))
     assert desk.linked(ANKLE)
 

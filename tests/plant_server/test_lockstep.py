@@ -309,6 +309,18 @@ def test_s5_a_board_that_dies_after_it_has_answered_has_completed_the_tick() -> 
     assert happened(record, "gone") == [[HIP, "died"]]
 
 
+def test_who_went_between_two_ticks_is_told_from_who_had_been_given_the_tick() -> None:
+    """A replay gives the second its observation, and lets it act in vain."""
+    lockstep = plant()
+    play(lockstep)
+    lockstep.remove(KNEE, "unplugged")
+    opened(lockstep)
+    lockstep.remove(HIP, "died")
+    record = finish(lockstep)
+    assert happened(record, "gone") == [[KNEE, "unplugged"]]
+    assert happened(record, "gone_midway") == [[HIP, "died"]]
+
+
 def test_s5_nor_is_it_too_early_when_the_answer_was_the_last_one() -> None:
     """Between the last answer and the end of the tick nothing is waited for any more."""
     lockstep = plant()
@@ -336,7 +348,8 @@ def test_s5_a_board_that_dies_before_it_has_answered_has_not_completed_the_tick(
     record = lockstep.close()
     assert record.torques_nm[HIP] == 0.0
     assert record.answers[HIP] == b""
-    assert happened(record, "gone") == [[HIP, "died"]]
+    assert happened(record, "gone_midway") == [[HIP, "died"]]
+    assert happened(record, "gone") == []
     assert opened(lockstep)[KNEE].neighbours[1] == Neighbour(0, 0, 1)
 
 
@@ -502,7 +515,7 @@ def test_removing_twice_or_nobody_is_harmless() -> None:
     opened(lockstep)
     lockstep.remove(KNEE, "died")
     lockstep.remove(KNEE, "silent")
-    assert happened(finish(lockstep), "gone") == [[KNEE, "died"]]
+    assert happened(finish(lockstep), "gone_midway") == [[KNEE, "died"]]
 
 
 def test_a_push_acts_for_exactly_its_ticks() -> None:

@@ -32,10 +32,11 @@ from protocol.frames import (
     encode,
     seal,
 )
+from protocol.timing import TickTiming, Timing
 
 LAW = settings(max_examples=100, deadline=None, derandomize=True)
 KINDS: list[Any] = list(LAYOUTS)
-ENTRIES: dict[type, Any] = {Observation: Neighbour, TorqueFrame: LinkUse}
+ENTRIES: dict[type, Any] = {Observation: Neighbour, TorqueFrame: LinkUse, Timing: TickTiming}
 """What the last field of a kind repeats."""
 LONGEST_COMMAND = 93
 """Bytes of a board command that sets all parameters of a link."""
@@ -54,6 +55,7 @@ SAMPLES: list[Any] = [
     TorqueFrame(2**31, 1, 7, 1.5, 2, 1, 0.1, 0, 1, 0.5, 2, 3, 40, (LinkUse(1, 2**32 - 1, 0),) * 2),
     End(2**31, "complete"),
     Stalled(2**31, 1, 7, 2),
+    Timing(2**31, 1, 7, 2**46, 2**32 - 1, 10**6, 33000, (TickTiming(0, 99, 130, -1, 12),) * 2),
 ]
 ENROLMENTS: list[Any] = [
     EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 0, 10.0, 0.5, 0.25, 0.2),

@@ -17,6 +17,7 @@ def test_keys_are_those_of_the_specification() -> None:
     assert keys.observation("robot", "knee") == "dec/v1/robot/plant/knee/observation"
     assert keys.torque("robot", "knee") == "dec/v1/robot/knee/torque"
     assert keys.link("robot", "knee", "hip") == "dec/v1/robot/knee/link/hip"
+    assert keys.timing("robot", "knee") == "dec/v1/robot/knee/timing"
     assert keys.end("robot") == "dec/v1/robot/plant/@end"
     assert keys.plant_alive("robot") == "dec/v1/robot/plant/@alive"
     assert keys.alive("robot", "knee", 0xBEEF) == "dec/v1/robot/knee/@alive/000000000000beef"
@@ -25,7 +26,13 @@ def test_keys_are_those_of_the_specification() -> None:
 def _all_keys(rig: str) -> list[str]:
     each = [
         f(rig, joint)
-        for f in (keys.observation, keys.torque, keys.stalled, lambda r, j: keys.alive(r, j, 1))
+        for f in (
+            keys.observation,
+            keys.torque,
+            keys.stalled,
+            keys.timing,
+            lambda r, j: keys.alive(r, j, 1),
+        )
         for joint in JOINTS
     ]
     links = [keys.link(rig, *pair) for pair in permutations(JOINTS, 2)]

@@ -25,6 +25,7 @@ from protocol.frames import (
     TorqueFrame,
 )
 from protocol.states import COUNTERS, State
+from protocol.timing import TickTiming, Timing
 
 README = Path(frames.__file__).with_name("README.md").read_text(encoding="utf-8")
 KINDS: dict[str, Any] = {
@@ -35,6 +36,7 @@ KINDS: dict[str, Any] = {
         TorqueFrame,
         End,
         Stalled,
+        Timing,
         EnrolmentRequest,
         EnrolmentReply,
     )
@@ -57,6 +59,8 @@ def message(vector: dict[str, Any]) -> Any:
         values["neighbours"] = tuple(Neighbour(*entry) for entry in values["neighbours"])
     if "links" in values:
         values["links"] = tuple(LinkUse(*entry) for entry in values["links"])
+    if "ticks" in values:
+        values["ticks"] = tuple(TickTiming(*entry) for entry in values["ticks"])
     return KINDS[vector["kind"]](**values)
 
 
@@ -95,9 +99,9 @@ def test_every_kind_has_a_vector() -> None:
 
 
 def test_every_field_of_every_kind_is_in_a_table_of_the_specification() -> None:
-    for kind in (*KINDS.values(), Neighbour, LinkUse):
+    for kind in (*KINDS.values(), Neighbour, LinkUse, TickTiming):
         for field in kind._fields:
-            repeated = field in ("neighbours", "links")
+            repeated = field in ("neighbours", "links", "ticks")
             assert repeated or re.search(rf"^\| \d+ \| `{field}` \|", README, re.MULTILINE), field
 
 
@@ -177,6 +181,7 @@ def test_every_key_is_in_the_table_of_the_specification() -> None:
         keys.torque("{rig}", "{joint}"),
         keys.link("{rig}", "{joint}", "{neighbour}"),
         keys.stalled("{rig}", "{joint}"),
+        keys.timing("{rig}", "{joint}"),
         keys.control("{rig}"),
         keys.end("{rig}"),
         keys.plant_alive("{rig}"),

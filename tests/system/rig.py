@@ -11,6 +11,7 @@ from pathlib import Path
 from deploy.scenario import load
 from deploy.trajectory import trajectory
 from deploy.twin import run_twin
+from plant_server.spool import read_spool
 from protocol.scenario import ResolvedScenario, canonical
 
 PATIENCE_S = 30.0
@@ -70,6 +71,13 @@ def eventually(condition: Callable[[], object], patience_s: float = PATIENCE_S) 
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.01)
+
+
+def recorded_ticks(spool: Path) -> int:
+    """How many ticks of a run can be read from its spool by now."""
+    with contextlib.suppress(OSError, ValueError):
+        return len(read_spool(spool).ticks)
+    return 0
 
 
 def children_of(pid: int) -> list[int]:

@@ -50,6 +50,7 @@ def every_key(rig: Rig) -> list[str]:
         *(keys.observation(name, joint) for joint in joints),
         *(keys.torque(name, joint) for joint in joints),
         *(keys.stalled(name, joint) for joint in joints),
+        *(keys.timing(name, joint) for joint in joints),
         *(keys.link(name, a, b) for a in joints for b in joints if a != b),
         keys.end(name),
     ]

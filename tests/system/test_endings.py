@@ -16,7 +16,16 @@ from plant_server.spool import read_spool
 from protocol.exit_codes import ExitCode
 from protocol.frames import TorqueFrame, decode
 from protocol.scenario import next_run_id, run_id
-from tests.system.rig import Process, Rig, alive, children_of, eventually, said, twin_digest
+from tests.system.rig import (
+    Process,
+    Rig,
+    alive,
+    children_of,
+    eventually,
+    recorded_ticks,
+    said,
+    twin_digest,
+)
 
 GONE_WITHIN_S = 2.0
 SLOW_MACHINE_S = 10.0
@@ -34,7 +43,7 @@ class Launched:
         )
         eventually(lambda: len(children_of(self.launcher.pid)) == 4)
         spool = folder / "run.spool"
-        eventually(lambda: spool.exists() and spool.stat().st_size > 0)
+        eventually(lambda: recorded_ticks(spool))
         self.children = children_of(self.launcher.pid)
 
     def child(self, word: str) -> int:

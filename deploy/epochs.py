@@ -1,0 +1,88 @@
+"""Elections, epoch by epoch: what each board began with, when it knew the maximum, what came of it.
+
+Rule 1: an epoch counts when its last round was played before the run ended.
+Rule 2: only boards that began an epoch have a say in it; the others are no members of it.
+Rule 3: to know the maximum is to know the largest urgency, and whose it is, of what the members
+        began with (eq. achievedMaxCons); ties go to the higher board.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deploy.trajectory import Floats, Integers, Trajectory
+
+NOT_KNOWN = -1
+"""In place of a number of rounds: not within the epoch's rounds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Epochs:
+    """E epochs that had members, of N boards."""
+
+    number: Integers
+    """Which epoch it is, (E,)."""
+    first_tick: Integers
+    """When it began, (E,)."""
+    latch_tick: Integers
+    """When its last round was over and the boards decided, (E,)."""
+    members: NDArray[np.bool_]
+    """(E, N)."""
+    w_rad: Floats
+    """What each member began with (the paper's w); NaN for others, (E, N)."""
+    known_after: Integers
+    """After how many rounds each member knew the maximum, or `NOT_KNOWN`, (E, N)."""
+    agreed_after: Integers
+    """After how many rounds all members knew it, or `NOT_KNOWN`, (E,)."""
+    enabled: NDArray[np.bool_]
+    """Which members were enabled after the last round, (E, N)."""
+
+    @property
+    def enabled_boards(self) -> Integers:
+        """How many members were enabled after the last round, (E,)."""
+        boards: Integers = self.enabled.sum(axis=1, dtype=np.int64)
+        return boards
+
+
+def epochs(trajectory: Trajectory) -> Epochs | None:
+    """Find the epochs of a run; None when nobody is elected."""
+    election = trajectory.scenario["election"]
+    if not election["enabled"]:
+        return None
+    rounds = election["rounds"]
+    first = np.arange(0, trajectory.ticks - rounds, election["period_ticks"], dtype=np.int64)
+    number = np.arange(len(first))
+    begun = (trajectory.epoch[first] == number[:, None]) & (trajectory.round[first] == 0)
+    held = begun.any(axis=1)
+    number, first, members = number[held], first[held], begun[held]
+    known = _known(trajectory, number, first[:, None] + np.arange(rounds + 1), members)
+    return Epochs(
+        number=number,
+        first_tick=first,
+        latch_tick=first + rounds,
+        members=members,
+        w_rad=np.where(members, trajectory.urgency[first], np.nan),
+        known_after=np.where(members, _first(known), NOT_KNOWN),
+        agreed_after=_first((known | ~members[:, None]).all(axis=2)),
+        enabled=members & (trajectory.enabled[first + rounds] > 0),
+    )
+
+
+def _known(
+    trajectory: Trajectory, number: Integers, ticks: Integers, members: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Whether each board knew the maximum after each round, (E, R + 1, N); `ticks` (E, R + 1)."""
+    urgency, candidate = trajectory.urgency[ticks], trajectory.candidate[ticks]
+    began = np.where(members, urgency[:, 0], -np.inf)
+    most = began.max(axis=1, keepdims=True)
+    whose = np.where(began == most, candidate[:, 0], -1).max(axis=1, keepdims=True)
+    same_epoch = trajectory.epoch[ticks] == number[:, None, None]
+    knows = (urgency == most[:, None]) & (candidate == whose[:, None])
+    known: NDArray[np.bool_] = knows & same_epoch
+    return known
+
+
+def _first(known: NDArray[np.bool_]) -> Integers:
+    """Along axis 1, the first that is so, or `NOT_KNOWN`."""
+    return np.where(known.any(axis=1), known.argmax(axis=1), NOT_KNOWN)

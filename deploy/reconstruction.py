@@ -1,0 +1,95 @@
+"""What a recording does not hold, because it follows from what it does: a run, told in full.
+
+Rule 1: observations and link frames come out of a replay. A link frame is believed only when it has
+        the CRC-32 that its sender's receipt in the recording names (S22).
+Rule 2: what boards said that was recorded counts, and not what the replay makes of it. So a run of
+        foreign boards, or of another machine's arithmetic, still has its frames' fates.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+from deploy.differences import REFUSED
+from deploy.fates import Fates, Settled
+from deploy.replay import Link, Played, Replay
+from plant_server.record import TickRecord
+from protocol.frames import CRC_BYTES, TorqueFrame, decode
+from protocol.scenario import ResolvedScenario
+from protocol.states import COUNTERS
+from protocol.wiring import neighbours
+
+
+class Told(NamedTuple):
+    """One tick, told in full."""
+
+    recorded: TickRecord
+    answers: tuple[TorqueFrame | None, ...]
+    """Torque frames as recorded; None where a board did not answer."""
+    observations: dict[int, bytes]
+    """What each board was told that answered."""
+    links: dict[Link, bytes]
+    """Link frames said, as far as their content is known."""
+    settled: list[Settled]
+    """Frames, of this tick or before, whose fate is known from now on."""
+
+
+class Reconstruction:
+    """Tells a recording, tick by tick."""
+
+    def __init__(self, scenario: ResolvedScenario) -> None:
+        self.replay = Replay(scenario)
+        self.links = list(self.replay.lockstep.roster.links)
+        self._fates = Fates(len(scenario.joints))
+        self._refused: dict[tuple[int, int, int], int] = {}
+        """Of each board, incarnation and reason: the last count beyond the replay's own."""
+
+    def tick(self, recorded: TickRecord) -> Told:
+        """Tell the next tick. Raises `deploy.replay.UnplayableError` or `ProtocolError`."""
+        answers = tuple(
+            decode(TorqueFrame, answer) if answer else None for answer in recorded.answers
+        )
+        played = self.replay.play(recorded)
+        self._count(played, answers)
+        links = {
+            link: said for link, said in played.links.items() if _believed(link, said, answers)
+        }
+        settled = list(self._fates.tick(played, answers))
+        return Told(recorded, answers, played.observations, links, settled)
+
+    def end(self) -> list[Settled]:
+        """Tell what became of the frames that were under way when the recording ended."""
+        return list(self._fates.end())
+
+    def refused(self, link: Link) -> dict[str, int]:
+        """How many frames the receiver of a link refused in the replay, by reason."""
+        sender, receiver = link
+        counts: Counter[str] = Counter()
+        for firmware in self.replay.everybody:
+            if firmware.config.index == receiver:
+                hearing = firmware.hearings[firmware.config.neighbours.index(sender)]
+                counts.update({str(reason): n for reason, n in hearing.refused.items()})
+        return dict(counts)
+
+    def refused_by_network(self, board: int) -> dict[str, int]:
+        """How many frames a board refused beyond those that the replay's refused, by reason."""
+        counts: Counter[str] = Counter()
+        for (index, _, counter), beyond in self._refused.items():
+            if index == board and beyond > 0:
+                counts[COUNTERS[counter].removeprefix("refused_")] += beyond
+        return dict(counts)
+
+    def _count(self, played: Played, answers: tuple[TorqueFrame | None, ...]) -> None:
+        for board, (answer, own) in enumerate(zip(answers, played.record.answers, strict=True)):
+            if answer is None or answer.counter not in REFUSED:
+                continue
+            beyond = answer.counted - decode(TorqueFrame, own).counted if own else answer.counted
+            self._refused[board, answer.incarnation, answer.counter] = beyond
+
+
+def _believed(link: Link, said: bytes, answers: tuple[TorqueFrame | None, ...]) -> bool:
+    sender, receiver = link
+    answer = answers[sender]
+    if answer is None:
+        return False
+    place = neighbours(sender, len(answers)).index(receiver)
+    return answer.links[place].sent_crc == int.from_bytes(said[-CRC_BYTES:], "little")

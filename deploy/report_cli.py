@@ -1,0 +1,59 @@
+"""The command `decmesh report`: what came of one run, or of several side by side, as a page."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from deploy import run as places
+from deploy.failure import FailedError
+from protocol.exit_codes import ExitCode
+
+out, err = Console(), Console(stderr=True)
+
+
+def report(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR", help="Folders of runs, or their run.mcap.", exists=True),
+    ],
+    epoch: Annotated[
+        int | None,
+        typer.Option(help="Draw this epoch frame by frame; default: the first that lost one."),
+    ] = None,
+    out_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Where to write; default: beside the run; of several: a new folder."
+        ),
+    ] = None,
+) -> None:
+    """Write report.html about a run, or about several side by side, and its figures beside it.
+
+    Example: decmesh report runs/storm-20260101-120000 --epoch 12
+    """
+    # Numpy and matplotlib are needed only now.
+    from deploy.report import compose, write  # noqa: PLC0415
+    from deploy.report_runs import read_runs  # noqa: PLC0415
+
+    with err.status("reading and drawing ..."):
+        composed = compose(read_runs(runs), epoch)
+        folder = _folder(runs, out_folder)
+        try:
+            page, *pictures = write(*composed, folder)
+        except OSError as error:
+            line = f"cannot write to {folder}: {error.strerror}; choose another --out"
+            raise FailedError(ExitCode.NO_OUTPUT, line) from error
+    out.print(str(page), soft_wrap=True, highlight=False)
+    beside = f"{len(pictures)} picture files in {pictures[0].parent}"
+    out.print(f"[dim]{beside}[/dim]", soft_wrap=True, highlight=False)
+
+
+def _folder(runs: list[Path], out_folder: Path | None) -> Path:
+    """Where a report goes: to its run, or to a folder of its own."""
+    if out_folder is not None:
+        return out_folder
+    if len(runs) > 1:
+        return places.new_folder(None, "report")
+    return runs[0] if runs[0].is_dir() else runs[0].parent
