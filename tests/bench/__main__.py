@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from tests.bench import growth, ours, plant, plot, realtime, same_job, startup, turning, twin
+from tests.bench import growth, ours, path, plant, plot, realtime, same_job, startup, turning, twin
 from tests.bench.compare import compare
 from tests.bench.machine import machine
 from tests.bench.measure import measure
@@ -29,6 +29,7 @@ GROUPS = {
     "processes": growth.processes,
     "start": startup.group,
     "memory": startup.memory,
+    "path": path.group,
     "realtime": realtime.group,
     "knobs": turning.ours,
     "knobs-bare": turning.bare,

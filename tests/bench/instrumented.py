@@ -5,12 +5,12 @@
 The program is the one that a user runs. Only the ends of its ticks are watched from here, through
 `Lockstep.close` and `Board.tick`, and some settings of the transport can be others (`Place`):
 
-    threads         "default" instead of one transport thread
     lowlatency      false: with priorities and fragmentation
     link            "unixsock-stream" instead of tcp
+
+With the option `marks`, it also notes when it is where (`tests.bench.marks`).
 """
 
-import os
 import runpy
 import sys
 import time
@@ -26,6 +26,7 @@ from protocol.frames import Observation
 from protocol.wiring import Rig
 from tests.bench import knobs
 from tests.bench.job import PLANT, Place, tick_figures, write_figures
+from tests.bench.marks import Marks
 
 MODULES = ("plant_server", "module_agent")
 
@@ -54,6 +55,7 @@ def main() -> None:
     place = Place.read(folder)
     knobs.turn(place.options, role)
     _set_transport(place)
+    marks = Marks(role) if place.options.get("marks") else None
     watch = Watch(place)
     _watch_plant(watch) if role == PLANT else _watch_board(watch)
     assert module in MODULES
@@ -61,6 +63,8 @@ def main() -> None:
     try:
         runpy.run_module(module, run_name="__main__", alter_sys=True)
     finally:
+        if marks is not None:
+            marks.write(place, role)
         about_ticks = tick_figures(watch.stamps_ns) if role == PLANT else {}
         write_figures(place, role, {"cpu_s": watch.cpu_s, **about_ticks})
 
@@ -104,8 +108,6 @@ def _set_transport(place: Place) -> None:
     patch.object(protocol.wiring, "_config", config).start()
     if options.get("link") == "unixsock-stream":
         patch.object(Rig, "endpoint", endpoint).start()
-    if options.get("threads") == "default":
-        os.environ["ZENOH_RUNTIME"] = ""
 
 
 if __name__ == "__main__":

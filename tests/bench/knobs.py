@@ -1,7 +1,8 @@
 """Knobs of a process: what can be turned without changing what it says.
 
 switch_interval_s   how long a Python thread may keep the interpreter when another wants it
-cores               which core each role may use: "plant-apart", "split", "one" or "paired"
+runtime             threads of Zenoh, as ZENOH_RUNTIME says it
+cores               which core each role may use: "one", "plant-apart" or "in-turn"
 batch               true: SCHED_BATCH, under which who is woken does not push others aside
 realtime            true: SCHED_FIFO (needs the right to)
 """
@@ -13,6 +14,8 @@ from typing import Any
 
 def turn(options: dict[str, Any], role: int) -> None:
     """Set up this process; what it starts later takes over cores and policy."""
+    if "runtime" in options:
+        os.environ["ZENOH_RUNTIME"] = options["runtime"]
     if "switch_interval_s" in options:
         sys.setswitchinterval(options["switch_interval_s"])
     if "cores" in options:

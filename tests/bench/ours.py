@@ -72,8 +72,9 @@ def lockstep(
     options: dict[str, Any] | None = None,
     scenario: ResolvedScenario | None = None,
     within_s: float = 100.0,
+    read: Callable[[Place], Figures] = job_figures,
 ) -> Figures:
-    """Play a run with every board a process; tell its figures."""
+    """Play a run with every board a process; tell what `read` finds in its folder."""
     ticks = settings.warm_up + settings.ticks
     scenario = scenario or load("paper", [f"run.duration_s={ticks / 1000}"])
     with rig(scenario, warm_up=settings.warm_up, ticks=settings.ticks, options=options) as started:
@@ -82,7 +83,7 @@ def lockstep(
         for joint in scenario.joints:
             started.start_board(joint)
         started.children.wait(["plant", *scenario.joints], within_s)
-        return job_figures(started.place)
+        return read(started.place)
 
 
 def group(settings: Settings) -> Group:

@@ -12,6 +12,10 @@ from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
 from tests.bench.systems import OUR_SETTINGS, do_job
 
 PLAIN = "as it is"
+ONE_RUNTIME = (
+    "(rx:(worker_threads:{}),net:(handover:rx),acc:(handover:rx),"
+    "app:(handover:rx),tx:(handover:rx))"
+)
 PROCESS: dict[str, dict[str, Any]] = {
     "all on one core": {"cores": "one"},
     "plant on one core, boards on the other": {"cores": "plant-apart"},
@@ -24,7 +28,9 @@ PROCESS: dict[str, dict[str, Any]] = {
     "GIL switch interval 50 ms": {"switch_interval_s": 0.05},
 }
 TRANSPORT: dict[str, dict[str, Any]] = {
-    "four runtime threads": {"threads": "default"},
+    "Zenoh's own runtime threads": {"runtime": "()"},
+    "one runtime thread for everything": {"runtime": ONE_RUNTIME.format(1)},
+    "one runtime, two threads": {"runtime": ONE_RUNTIME.format(2)},
     "without lowlatency": {"lowlatency": False},
     "unixsock-stream": {"link": "unixsock-stream"},
 }

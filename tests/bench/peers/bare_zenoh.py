@@ -2,7 +2,6 @@
 
 As it comes, or (option `tuned`) with the settings of decmesh, and then perhaps with others:
 
-    threads         "default" instead of one transport thread
     lowlatency      false: with priorities and fragmentation
     link            "unixsock-stream" instead of tcp
     hear            "queue": a callback into a queue, as decmesh does, instead of a channel
@@ -90,7 +89,7 @@ def _config(place: Place, role: int) -> dict[str, Any]:
     options, rig = place.options, Rig("bare", "127.0.0.1", place.port, place.boards)
     config = plant_session(rig) if role == PLANT else board_session(rig, role - 1)
     unicast = config["transport"]["unicast"]
-    if options.get("tuned") and options.get("threads") != "default":
+    if options.get("tuned"):
         set_runtime_threads()
     if not options.get("tuned") or options.get("lowlatency") is False:
         del unicast["lowlatency"], unicast["qos"]
