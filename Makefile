@@ -1,6 +1,6 @@
 # make run    the paper's experiment on four processes, with its table and figures
 # make test   lint, strict types and every test, real processes included
-# make bench  speed and memory, as ratios measured side by side
+# make bench  speed and memory beside other systems, measured in turn; BENCH="--quick" for a first look
 # make lock   renew the locked versions (needs uv)
 
 PYTHON ?= python3
@@ -19,8 +19,8 @@ lint: .venv/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: .venv/dev
-	$(BIN)/python -m tests.bench
+bench: .venv/bench
+	$(BIN)/python -m tests.bench $(BENCH)
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
@@ -34,10 +34,16 @@ bench: .venv/dev
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	touch $@
 
+# What the bench compares with; what cannot be installed here is left out, and the bench says so.
+.venv/bench: .venv/dev requirements-bench.lock
+	-$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-bench.lock
+	touch $@
+
 LOCK := uv pip compile pyproject.toml --universal --generate-hashes --no-emit-index-url --no-header --quiet --upgrade
 lock:
 	$(LOCK) --extra build --output-file requirements.lock
 	$(LOCK) --extra dev --output-file requirements-dev.lock
+	$(LOCK) --extra bench --constraint requirements-dev.lock --output-file requirements-bench.lock
 
 clean:
 	rm -rf .venv build *.egg-info runs

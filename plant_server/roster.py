@@ -54,7 +54,8 @@ class Roster:
         self.newcomers.add(board)
         self._outboxes[board].clear()
         links, references_rad = self._at_boot
-        self._tell(board, [pair for pair, now in self.links.items() if now != links[pair]])
+        ours = [(sender, board) for sender in neighbours(board, self.size)]
+        self._tell(board, {pair for pair in ours if self.links[pair] != links[pair]})
         if self.references_rad[board] != references_rad[board]:
             self._refer(board)
 
@@ -73,7 +74,7 @@ class Roster:
             self.references_rad[command[1]] = command[2]
             self._refer(command[1])
             return
-        concerned = [pair for pair in self.links if concerns(command, *pair)]
+        concerned = {pair for pair in self.links if concerns(command, *pair)}
         for pair in concerned:
             now = self.links[pair]
             self.links[pair] = PERFECT if command[0] == "heal" else changed(now, command[2])
@@ -114,11 +115,12 @@ class Roster:
                 found.append([board])
         return found
 
-    def _tell(self, board: int, pairs: list[tuple[int, int]]) -> None:
+    def _tell(self, board: int, pairs: set[tuple[int, int]]) -> None:
         """Tell a board how its links are; in one message, if they are all told and all alike."""
-        senders = [sender for sender, receiver in pairs if receiver == board]
+        near = neighbours(board, self.size)
+        senders = [sender for sender in near if (sender, board) in pairs]
         parameters = [self.links[sender, board] for sender in senders]
-        told_all = len(senders) == len(neighbours(board, self.size))
+        told_all = len(senders) == len(near)
         if len(senders) > 1 and told_all and len(set(parameters)) == 1:
             senders = [ANY]
         for sender, now in zip(senders, parameters, strict=False):

@@ -1,173 +1,115 @@
-"""`make bench`: speed and memory of decmesh, as ratios measured side by side.
+"""`make bench`: what decmesh costs, and what others cost that do the same.
 
-Nothing here passes or fails: machines differ, and so do their moods. What is compared is run in
-turn, A B A B, and quoted as the median and the range of the ratio.
+Nothing here passes or fails: machines differ, and so do their moods. Whatever is compared is run in
+turn, A B A B, and quoted as median and range. `tests/bench/README.md` says what each number means.
 """
 
+import argparse
 import os
-import platform
-import statistics
-import subprocess
 import sys
 import time
-from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from rich.console import Console
-from rich.table import Table
 
-from deploy.rigs import claim
-from deploy.scenario import load
-from deploy.twin import Twin
-from protocol.scenario import canonical
+from tests.bench import growth, ours, path, plant, plot, realtime, same_job, startup, turning, twin
+from tests.bench.compare import compare
+from tests.bench.machine import machine
+from tests.bench.measure import measure
+from tests.bench.registry import FULL, QUICK, Group, Settings
+from tests.bench.results import Results
+from tests.bench.table import comparison_table, footnotes, markdown, result_table
 
-REPEATS = 5
-TICKS = 5000
-OURS = [f"run.duration_s={TICKS / 1000}"]
+GROUPS = {
+    "systems": same_job.group,
+    "decmesh": ours.group,
+    "twin": twin.group,
+    "plant": plant.group,
+    "growth": growth.in_twin,
+    "processes": growth.processes,
+    "start": startup.group,
+    "memory": startup.memory,
+    "path": path.group,
+    "realtime": realtime.group,
+    "knobs": turning.ours,
+    "knobs-bare": turning.bare,
+}
+ON_REQUEST = {"knobs", "knobs-bare"}
+"""Groups that are measured only when they are named."""
 
 
-def main() -> None:
-    """Measure, and print one table."""
-    out = Console()
-    table = Table("", "median", "min", "max", title="decmesh, 3 boards, link frames every tick")
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        floor, tuned, ours = interleaved(
-            lambda: bare_zenoh(folder, tuned=False),
-            lambda: bare_zenoh(folder, tuned=True),
-            lambda: lockstep(folder),
-        )
-        twin = repeated(in_twin)
-        enrolled = repeated(lambda: start_to_enrolled(folder)[0])
-        memory = repeated(lambda: start_to_enrolled(folder)[1])
-        cold = repeated(lambda: cold_start(folder))
-    for row in (
-        ("bare Zenoh as it comes, nothing computed, ticks/s", floor, 0),
-        ("bare Zenoh with the settings of decmesh, ticks/s", tuned, 0),
-        ("decmesh in processes, recording off, ticks/s", ours, 0),
-        ("  of bare Zenoh as it comes", ratio(ours, floor), 2),
-        ("  of bare Zenoh with its settings", ratio(ours, tuned), 2),
-        ("twin, frames encoded and decoded, ticks/s", twin, 0),
-        ("a board: started to enrolled, s", enrolled, 3),
-        ("a board: resident memory, MB", memory, 1),
-        ("decmesh run of one tick, started to result, s", cold, 2),
-    ):
-        label, values, decimals = row
-        spread = statistics.median(values), min(values), max(values)
-        table.add_row(label, *(f"{value:,.{decimals}f}" for value in spread))
-    out.print(table)
-    load_average = os.getloadavg()[0]
-    out.print(
-        f"{REPEATS} repeats; Python {platform.python_version()}, zenoh {version('eclipse-zenoh')},"
-        f" {os.cpu_count()} cores of {processor()}, load {load_average:.1f}"
+def main() -> int:
+    """Measure, show, and write down."""
+    arguments = _arguments()
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    try:
+        then = None if arguments.compare is None else Results.read(arguments.compare)
+        folder = arguments.out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 2
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # Nobody starts without compiled files.
+    settings = QUICK if arguments.quick else FULL
+    if arguments.repeats is not None:
+        settings = settings._replace(repeats=arguments.repeats)
+    names = arguments.only or [name for name in GROUPS if name not in ON_REQUEST]
+    results = Results(machine(), settings._asdict())
+    stopped = _measure([GROUPS[name](settings) for name in names], settings, results)
+    results.write(folder / "bench.json")
+    (folder / "bench.md").write_text(markdown(results))
+    plot.picture(results, folder / "bench.png")
+    console.print(result_table(results))
+    for line in footnotes(results):
+        console.print(line, highlight=False)
+    if then is not None:
+        changes = compare(then, results)
+        same = sum(change.verdict == "same" for change in changes)
+        console.print(comparison_table(changes))
+        console.print(f"{same} of {len(changes)} figures are the same as in {arguments.compare}")
+    console.print(f"{folder}/bench.json, bench.md, bench.png")
+    return 130 if stopped else 0
+
+
+def _measure(groups: list[Group], settings: Settings, results: Results) -> bool:
+    """Measure group by group; tell whether it was stopped, in which case it keeps what there is."""
+    started = time.monotonic()
+
+    def tell(line: str) -> None:
+        elapsed_s = int(time.monotonic() - started)
+        told = f"[{elapsed_s // 60}:{elapsed_s % 60:02d}, load {os.getloadavg()[0]:.1f}] {line}"
+        print(told, file=sys.stderr, flush=True)
+
+    for group in groups:
+        try:
+            results.groups[group.name] = measure(group, settings.repeats, tell)
+        except KeyboardInterrupt:
+            tell(f"stopped; {group.name} is left out")
+            return True
+    return False
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.bench",
+        description="Measure decmesh beside other systems. Let nothing else run meanwhile.",
+        epilog="Example: python -m tests.bench --only plant twin --compare runs/bench-1/bench.json",
     )
-
-
-def repeated(measure: Callable[[], float]) -> list[float]:
-    """Measure a few times."""
-    return [measure() for _ in range(REPEATS)]
-
-
-def interleaved(*measures: Callable[[], float]) -> list[list[float]]:
-    """Measure several things in turn, so that all see the same machine."""
-    rounds = [[measure() for measure in measures] for _ in range(REPEATS)]
-    return [list(values) for values in zip(*rounds, strict=True)]
-
-
-def ratio(ours: list[float], theirs: list[float]) -> list[float]:
-    """Compare what was measured in the same round."""
-    return [a / b for a, b in zip(ours, theirs, strict=True)]
-
-
-def bare_zenoh(folder: Path, *, tuned: bool) -> float:
-    """Ticks per second of the floor."""
-    with claim(load("paper"), folder) as placed:
-        port = str(placed.values["rig"]["base_port"])
-        words = [port, str(TICKS), str(int(tuned))]
-        return race([["tests.bench.floor", str(role), *words] for role in range(4)])
-
-
-def lockstep(folder: Path) -> float:
-    """Ticks per second of plant and boards, recording off."""
-    with claim(load("paper", OURS), folder) as placed:
-        file = folder / "scenario.json"
-        file.write_bytes(canonical(placed.values))
-        boards = [["module_agent", joint, "--scenario", str(file)] for joint in placed.joints]
-        return race([["plant_server", "--scenario", str(file), "--progress"], *boards])
-
-
-def race(modules: list[list[str]]) -> float:
-    """Run the plant (the first) and the boards; it prints ticks and seconds last."""
-    children = [
-        subprocess.Popen([sys.executable, "-m", *module], stdout=subprocess.PIPE, text=True)
-        for module in modules
-    ]
-    said = [child.communicate()[0] for child in children]
-    ticks, seconds = said[0].splitlines()[-1].split()
-    return float(ticks) / float(seconds)
-
-
-def in_twin() -> float:
-    """Ticks per second of the twin."""
-    twin = Twin(load("paper", OURS))
-    started = time.perf_counter()
-    ticks = sum(1 for _ in twin.run())
-    return ticks / (time.perf_counter() - started)
-
-
-def start_to_enrolled(folder: Path) -> tuple[float, float]:
-    """Seconds from a board's start until it is enrolled at a waiting plant; and its memory, MB."""
-    with claim(load("paper"), folder) as placed:
-        file = folder / "scenario.json"
-        file.write_bytes(canonical(placed.values))
-        plant = start(["plant_server", "--scenario", str(file)])
-        assert plant.stderr is not None
-        plant.stderr.readline()  # It waits for its boards: it is ready for them.
-        started = time.perf_counter()
-        board = start(["module_agent", "hip", "--scenario", str(file)])
-        plant.stderr.readline()  # It waits for the others.
-        elapsed_s = time.perf_counter() - started
-        memory_mb = resident_mb(board.pid)
-        for process in (board, plant):
-            process.terminate()
-            process.communicate()
-    return elapsed_s, memory_mb
-
-
-def cold_start(folder: Path) -> float:
-    """Seconds from calling `decmesh run` to the result of a run of one tick."""
-    target = folder / f"run{time.perf_counter_ns()}"
-    command = [sys.executable, "-m", "deploy", "run", "paper", "--out", str(target)]
-    started = time.perf_counter()
-    options = ["--set", "run.duration_s=0.001"]
-    subprocess.run([*command, *options], check=True, capture_output=True)
-    return time.perf_counter() - started
-
-
-def start(module: list[str]) -> subprocess.Popen[str]:
-    """Start a process whose standard error can be read."""
-    return subprocess.Popen([sys.executable, "-m", *module], stderr=subprocess.PIPE, text=True)
-
-
-def resident_mb(pid: int) -> float:
-    """Resident memory of a process (Linux)."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return float(line.split()[1]) / 1024.0
-    raise RuntimeError(f"process {pid} has no memory")
-
-
-def processor() -> str:
-    """Name of the processor (Linux), or what Python knows of it."""
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor()
+    parser.add_argument(
+        "--only", nargs="+", choices=GROUPS, metavar="GROUP", help=f"of {', '.join(GROUPS)}"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="fewer ticks and repeats: a first look"
+    )
+    parser.add_argument(
+        "--repeats", type=int, metavar="N", help="how often all is measured in turn"
+    )
+    parser.add_argument(
+        "--compare", type=Path, metavar="FILE", help="tell what has changed since that bench.json"
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where to write; else in runs/")
+    return parser.parse_args()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
