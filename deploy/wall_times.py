@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant_server.spool import Spool
-from protocol.frames import TickTiming, Timing
+from protocol.timing import TickTiming, Timing
 
 Integers = NDArray[np.int64]
 TWIN = "twin"
