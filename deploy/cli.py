@@ -116,7 +116,9 @@ def paper(
     ]
     from deploy import results  # noqa: PLC0415 - numpy and matplotlib, needed only now
 
-    original, distributed = (_conclude(part, twin=twin) for part in parts)
+    original, distributed = (
+        _conclude(part, code, twin=twin) for part, code in zip(parts, codes, strict=True)
+    )
     out.print(results.table([original.summary, distributed.summary]))
     for path in results.paper_figures(original.trajectory, distributed.trajectory, folder):
         out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
@@ -143,7 +145,7 @@ def run(
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
     code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
-    concluded = _conclude(folder, twin=twin)
+    concluded = _conclude(folder, code, twin=twin)
     if as_json:
         print(json.dumps(concluded.summary, indent=2))
     else:
@@ -242,8 +244,11 @@ def _run(
             return runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
 
 
-def _conclude(folder: Path, *, twin: bool) -> "Concluded":
-    """Sum up a run, and make its `run.mcap`; that it cannot be made is worth a line, no more."""
+def _conclude(folder: Path, code: int, *, twin: bool) -> "Concluded":
+    """Sum up a run that ended with a code, and make its `run.mcap`.
+
+    That this file cannot be made is worth a line, and no more.
+    """
     from deploy import results  # noqa: PLC0415 - as above
 
     try:
@@ -252,8 +257,9 @@ def _conclude(folder: Path, *, twin: bool) -> "Concluded":
         line = f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}"
         raise RunFailedError(ExitCode.NO_OUTPUT, line) from error
     if concluded is None:
+        ended = code in (ExitCode.OK, ExitCode.FELL)  # Else nobody was left to say how.
         line = f"the recording does not say how the run ended; {RECOVER.format(folder)}"
-        raise RunFailedError(ExitCode.PEER_LOST, line)
+        raise RunFailedError(ExitCode.NO_OUTPUT if ended else ExitCode.PEER_LOST, line)
     try:
         with _keeping(folder), ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
             return results.keep(concluded, folder, on_tick)

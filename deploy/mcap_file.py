@@ -84,7 +84,7 @@ def read_mcap(path: Path, *, whole: bool = True) -> Spool:
             if whole or not reading.ticks:
                 hint = "decmesh recover reads what comes before that"
                 raise NoRecordingError(f"it is damaged or cut off; {hint}") from error
-            return reading.spool()._replace(outcome=None, complete=False)
+            return reading.spool()._replace(complete=False)
     if reading.metadata is None:
         raise NoRecordingError("it is an MCAP file, but not of decmesh")
     return reading.spool()
@@ -117,7 +117,7 @@ def contents(file: IO[bytes]) -> Iterator[Metadata | Content]:
 def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[int], None]) -> None:
     telling = Telling(spool, run)
     tick_ns = spool.scenario["run"]["tick_s"] * 1e9
-    writer = Writer(file, compression=CompressionType.ZSTD)
+    writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(library="decmesh")
     for name, data in _metadata(spool, telling.scenario.digest).items():
         writer.add_metadata(name, data)

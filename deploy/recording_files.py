@@ -17,6 +17,8 @@ from protocol.exit_codes import ExitCode
 from protocol.scenario import KEYS
 
 MCAP = "run.mcap"
+HINTS_MAX = 3
+"""How many folders are named that hold what was looked for."""
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -37,7 +39,8 @@ def recording_file(path: Path) -> Path:
     inner = sorted(
         str(part) for part in path.iterdir() if (part / MCAP).exists() or (part / SPOOL).exists()
     )
-    hint = f"; but {' and '.join(inner)} do" if inner else ""
+    more = ["..."] if len(inner) > HINTS_MAX else []
+    hint = f"; there are some in {', '.join(inner[:HINTS_MAX] + more)}" if inner else ""
     raise UnreadableError(f"{path} holds no recording, neither {MCAP} nor {SPOOL}{hint}")
 
 
