@@ -4,18 +4,20 @@ import json
 import sys
 import textwrap
 from argparse import ArgumentTypeError
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
-from deploy import live_cli
+from deploy import live_cli, recording_cli, report_cli
 from deploy import run as runs
 from deploy.failure import FailedError
-from deploy.processes import RunFailedError, Watch
+from deploy.processes import SPOOL, RunFailedError, Watch
+from deploy.progress import ticks_shown
 from deploy.scenario import available, load
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode
@@ -23,8 +25,7 @@ from protocol.process import StoppedError, stop_on_signals
 from protocol.scenario import ResolvedScenario, ScenarioError, canonical
 
 if TYPE_CHECKING:
-    from deploy.summary import Summary
-    from deploy.trajectory import Trajectory
+    from deploy.results import Concluded
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -39,6 +40,7 @@ study = typer.Typer(no_args_is_help=True, help="Run many twins; sum them up as t
 app.add_typer(study, name="study")
 out, err = Console(), Console(stderr=True)
 SCENARIO_COLUMNS = 80
+RECOVER = "decmesh recover {} makes run.mcap of what was recorded"
 
 
 def _checked_time(text: str | None) -> str | None:
@@ -114,9 +116,11 @@ def paper(
     ]
     from deploy import results  # noqa: PLC0415 - numpy and matplotlib, needed only now
 
-    original, distributed = (_conclude(part, twin=twin) for part in parts)
-    out.print(results.table([original[1], distributed[1]]))
-    for path in results.paper_figures(original[0], distributed[0], folder):
+    original, distributed = (
+        _conclude(part, code, twin=twin) for part, code in zip(parts, codes, strict=True)
+    )
+    out.print(results.table([original.summary, distributed.summary]))
+    for path in results.paper_figures(original.trajectory, distributed.trajectory, folder):
         out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
     raise typer.Exit(max(codes))
 
@@ -141,14 +145,15 @@ def run(
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
     code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
-    _trajectory, summary = _conclude(folder, twin=twin)
+    concluded = _conclude(folder, code, twin=twin)
     if as_json:
-        print(json.dumps(summary, indent=2))
+        print(json.dumps(concluded.summary, indent=2))
     else:
         from deploy import results  # noqa: PLC0415 - as above
 
-        out.print(results.table([summary]))
-        out.print(f"[dim]{folder / runs.SUMMARY}[/dim]", soft_wrap=True, highlight=False)
+        out.print(results.table([concluded.summary]))
+        for path in concluded.files:
+            out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
     raise typer.Exit(code)
 
 
@@ -215,6 +220,8 @@ def study_loss(
         raise StoppedError
 
 
+for recording_command in (*recording_cli.ALL, report_cli.report):
+    app.command(rich_help_panel="Recordings")(recording_command)
 for live_command in live_cli.ALL:
     app.command(
         rich_help_panel="On a running robot",
@@ -231,28 +238,46 @@ def _run(
     plant_options: Sequence[str] = (),
 ) -> int:
     """Run with a progress bar; return the exit code of a run that came to an end of its own."""
-    tick_s, ticks = scenario.values["run"]["tick_s"], scenario.values["run"]["ticks"]
-    columns = (
-        TextColumn("{task.description:12}"),
-        BarColumn(),
-        TextColumn("{task.fields[done_s]:5.1f} s of {task.fields[whole_s]:g} s"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task(label, total=ticks, done_s=0.0, whole_s=ticks * tick_s)
-
-        def on_tick(tick: int) -> None:
-            progress.update(task, completed=tick, done_s=tick * tick_s)
-
-        watch = Watch(on_tick, lambda line: err.print(line, highlight=False, soft_wrap=True))
-        return runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
+    with ticks_shown(err, label, scenario.values) as on_tick:
+        watch = Watch(on_tick, _tell)
+        with _keeping(folder):
+            return runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
 
 
-def _conclude(folder: Path, *, twin: bool) -> "tuple[Trajectory, Summary]":
+def _conclude(folder: Path, code: int, *, twin: bool) -> "Concluded":
+    """Sum up a run that ended with a code, and make its `run.mcap`.
+
+    That this file cannot be made is worth a line, and no more.
+    """
     from deploy import results  # noqa: PLC0415 - as above
 
-    concluded = results.conclude(folder, "twin" if twin else "processes")
+    try:
+        concluded = results.conclude(folder, "twin" if twin else "processes")
+    except OSError as error:
+        line = f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}"
+        raise RunFailedError(ExitCode.NO_OUTPUT, line) from error
     if concluded is None:
-        line = f"the run did not say how it ended; what was recorded until then is in {folder}"
-        raise RunFailedError(ExitCode.PEER_LOST, line)
+        ended = code in (ExitCode.OK, ExitCode.FELL)  # Else nobody was left to say how.
+        line = f"the recording does not say how the run ended; {RECOVER.format(folder)}"
+        raise RunFailedError(ExitCode.NO_OUTPUT if ended else ExitCode.PEER_LOST, line)
+    try:
+        with _keeping(folder), ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
+            return results.keep(concluded, folder, on_tick)
+    except OSError as error:
+        _tell(f"cannot write run.mcap: {error.strerror}; {RECOVER.format(folder)}")
     return concluded
+
+
+@contextmanager
+def _keeping(folder: Path) -> Iterator[None]:
+    """Say what can be made of a run that is stopped in the middle."""
+    try:
+        yield
+    except StoppedError:
+        if (folder / SPOOL).exists():
+            _tell(RECOVER.format(folder))
+        raise
+
+
+def _tell(line: str) -> None:
+    err.print(line, highlight=False, soft_wrap=True)

@@ -31,6 +31,16 @@ class Difference(NamedTuple):
     recorded: Any
     replayed: Any
 
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The same for a program; values as text, for some are no numbers to JSON."""
+        return {
+            "tick": self.tick,
+            "what": self.what,
+            "recorded": repr(self.recorded),
+            "replayed": repr(self.replayed),
+        }
+
     def __str__(self) -> str:
         """Name it as a line for people."""
         return (

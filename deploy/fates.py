@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from deploy.replay import Drawn, Link, Played
-from protocol.frames import TorqueFrame
+from protocol.frames import NO_TICK, TorqueFrame
 from protocol.wiring import neighbours
 
 
@@ -38,8 +38,8 @@ class Fate(IntEnum):
     """The recording ends before it was due."""
 
 
-NEVER = -1
-"""In place of the tick in which a frame was heard."""
+NEVER = NO_TICK
+"""In place of the tick in which a frame was heard; -1 is one of the warm-up."""
 
 
 class Settled(NamedTuple):

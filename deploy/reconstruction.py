@@ -11,21 +11,23 @@ from typing import NamedTuple
 
 from deploy.differences import REFUSED
 from deploy.fates import Fates, Settled
-from deploy.replay import Link, Played, Replay
+from deploy.replay import Link, Replay
 from plant_server.record import TickRecord
-from protocol.frames import CRC_BYTES, TorqueFrame, decode
+from protocol.frames import CRC_BYTES, Observation, TorqueFrame, decode
 from protocol.scenario import ResolvedScenario
 from protocol.states import COUNTERS
 from protocol.wiring import neighbours
+
+Answers = tuple[TorqueFrame | None, ...]
 
 
 class Told(NamedTuple):
     """One tick, told in full."""
 
     recorded: TickRecord
-    answers: tuple[TorqueFrame | None, ...]
+    answers: Answers
     """Torque frames as recorded; None where a board did not answer."""
-    observations: dict[int, bytes]
+    observations: dict[int, Observation]
     """What each board was told that answered."""
     links: dict[Link, bytes]
     """Link frames said, as far as their content is known."""
@@ -49,7 +51,7 @@ class Reconstruction:
             decode(TorqueFrame, answer) if answer else None for answer in recorded.answers
         )
         played = self.replay.play(recorded)
-        self._count(played, answers)
+        self._count(recorded, played.record, answers)
         links = {
             link: said for link, said in played.links.items() if _believed(link, said, answers)
         }
@@ -78,15 +80,17 @@ class Reconstruction:
                 counts[COUNTERS[counter].removeprefix("refused_")] += beyond
         return dict(counts)
 
-    def _count(self, played: Played, answers: tuple[TorqueFrame | None, ...]) -> None:
-        for board, (answer, own) in enumerate(zip(answers, played.record.answers, strict=True)):
-            if answer is None or answer.counter not in REFUSED:
-                continue
-            beyond = answer.counted - decode(TorqueFrame, own).counted if own else answer.counted
-            self._refused[board, answer.incarnation, answer.counter] = beyond
+    def _count(self, told: TickRecord, own: TickRecord, answers: Answers) -> None:
+        for board, answer in enumerate(answers):
+            if answer is not None and answer.counter in REFUSED:
+                beyond = 0
+                if told.answers[board] != own.answers[board]:
+                    ours = own.answers[board]
+                    beyond = answer.counted - (decode(TorqueFrame, ours).counted if ours else 0)
+                self._refused[board, answer.incarnation, answer.counter] = beyond
 
 
-def _believed(link: Link, said: bytes, answers: tuple[TorqueFrame | None, ...]) -> bool:
+def _believed(link: Link, said: bytes, answers: Answers) -> bool:
     sender, receiver = link
     answer = answers[sender]
     if answer is None:

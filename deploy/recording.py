@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from deploy.fates import NEVER, Fate, Settled
 from deploy.logical_digest import logical_sha256
 from deploy.reconstruction import Reconstruction
-from deploy.recording_files import read_spool_of
-from deploy.replay import Link
+from deploy.recording_files import UnreadableError, read_spool_of
+from deploy.replay import Link, UnplayableError
 from deploy.trajectory import Trajectory, recorded_trajectory
 from deploy.wall_times import board_times, clocks_shared, efforts, plant_times
 from plant_server.spool import Spool
+from protocol.frames import ProtocolError
 from protocol.scenario import resolved
 from protocol.wiring import neighbours
 
@@ -28,6 +29,9 @@ Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 __all__ = ["Fate", "LinkHistory", "Recording", "read_recording"]
+
+NOT_HEARD = -1
+"""In arrays, in place of the tick in which a frame was heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +43,7 @@ class LinkHistory:
     fate: Integers
     """`Fate`, (T,)."""
     heard_tick: Integers
-    """The tick in which it was first used, or -1, (T,)."""
+    """The tick in which it was first used, or `NOT_HEARD`, (T,)."""
     frame_bytes: Integers
     """Size of the frame; 0 where it is not known, as the board at that end is not ours, (T,)."""
     sent_ns: Integers
@@ -95,7 +99,11 @@ def read_recording(path: Path) -> Recording:
 
     Raises `deploy.recording_files.UnreadableError` with one line for the user.
     """
-    return recording(read_spool_of(path))
+    spool = read_spool_of(path)
+    try:
+        return recording(spool)
+    except (UnplayableError, ProtocolError) as error:
+        raise UnreadableError(f"{path}: what was recorded does not make a run: {error}") from error
 
 
 def recording(spool: Spool) -> Recording:
@@ -138,7 +146,7 @@ def recording(spool: Spool) -> Recording:
 def _follow(spool: Spool, told: Reconstruction, ticks: int) -> dict[Link, list[Integers]]:
     """Fate, tick heard and size of the frames of each link, each by the tick said, (T,)."""
     frames = {
-        link: [np.full(ticks, unless, np.int64) for unless in (Fate.UNSAID, NEVER, 0)]
+        link: [np.full(ticks, unless, np.int64) for unless in (Fate.UNSAID, NOT_HEARD, 0)]
         for link in told.links
     }
 
@@ -146,7 +154,8 @@ def _follow(spool: Spool, told: Reconstruction, ticks: int) -> dict[Link, list[I
         if 0 <= settled.said_tick < ticks:
             fate, heard_tick, _ = frames[settled.link]
             fate[settled.said_tick] = settled.fate
-            heard_tick[settled.said_tick] = settled.heard_tick
+            if settled.heard_tick != NEVER:
+                heard_tick[settled.said_tick] = settled.heard_tick
 
     for record in spool.ticks:
         tick = told.tick(record)

@@ -15,7 +15,8 @@ from module_agent.config import board_config
 from module_agent.link_model import Fate, LinkModel
 from plant_server.agenda import Agenda
 from plant_server.record import TickRecord
-from protocol.commands import CommandError, check_command
+from protocol.commands import Command
+from protocol.frames import Observation
 from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
@@ -60,7 +61,7 @@ class Played(NamedTuple):
     """Who drove each joint when the tick was opened; 0: nobody."""
     newcomers: frozenset[int]
     """Boards that had just been let in: what was said before was not said to them."""
-    observations: dict[int, bytes]
+    observations: dict[int, Observation]
     """What each board was told that answered."""
     links: dict[Link, bytes]
     """Link frames said."""
@@ -90,7 +91,7 @@ class Replay(Twin):
         for event in recorded.events:
             if event[0] in MIDWAY:
                 self._midway(event, observations)
-        links = self._answer(observations)
+        told, links = self._answer(observations)
         drawn = {
             (witness.sender, witness.receiver): witness.drawn
             for index in observations
@@ -98,17 +99,20 @@ class Replay(Twin):
             if witness.drawn is not None
         }
         record = lockstep.close()
-        return Played(record, incarnations, newcomers, observations, links, drawn)
+        return Played(record, incarnations, newcomers, told, links, drawn)
 
-    def _answer(self, observations: dict[int, bytes]) -> dict[Link, bytes]:
-        """Let the boards live through the tick; return the link frames that they say."""
-        said = []
+    def _answer(
+        self, observations: dict[int, bytes]
+    ) -> tuple[dict[int, Observation], dict[Link, bytes]]:
+        """Let the boards live through the tick; what each was told, and the link frames said."""
+        told, said = {}, []
         for index, payload in observations.items():
             firmware = self.boards[index]
             assert firmware is not None
             for witness in self.witnesses[index]:
                 witness.drawn = None
-            actuation = firmware.tick(firmware.read(payload))
+            told[index] = firmware.read(payload)
+            actuation = firmware.tick(told[index])
             self.lockstep.answer(index, actuation.torque)
             said.append((firmware, actuation.links))
         links = {}
@@ -116,7 +120,7 @@ class Replay(Twin):
             self._deliver(sender, payloads)
             for neighbour, payload in zip(sender.config.neighbours, payloads, strict=True):
                 links[sender.config.index, neighbour] = payload
-        return links
+        return told, links
 
     def _before(self, event: list[Any]) -> None:
         """Carry out what happened between two ticks."""
@@ -125,13 +129,23 @@ class Replay(Twin):
                 self._admit(board, incarnation)
             case ["gone", int(board), str(why)] if self._exists(board):
                 self._lose(board, why)
+            case (
+                ["push", int(board), int() | float(), int()]
+                | ["reference", int(board), int() | float()]
+                | ["unplug" | "plug", int(board)]
+            ) if self._exists(board):
+                self._obey(event)
+            case ["link", list(), dict()] | ["heal", list()]:
+                self._obey(event)
             case _:
-                try:
-                    check_command(event, self.scenario.joints)
-                except (CommandError, TypeError) as error:
-                    raise UnplayableError(f"{event!r} is no event: {error}") from error
-                self.lockstep.agenda.add(self.lockstep.tick, event)
-                self.lockstep.begin()
+                raise UnplayableError(f"{event!r} cannot have happened")
+
+    def _obey(self, command: Command) -> None:
+        self.lockstep.agenda.add(self.lockstep.tick, command)
+        try:
+            self.lockstep.begin()
+        except (TypeError, ValueError, LookupError) as error:
+            raise UnplayableError(f"{command!r} cannot have happened: {error}") from error
 
     def _midway(self, event: list[Any], observations: dict[int, bytes]) -> None:
         """Carry out what happened while the tick was open."""

@@ -27,7 +27,7 @@ def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
             _rounds_matrix,
             title="Rounds until each board knew the maximum",
             reading="A row is a board, a column the round (one each tick) after which it knew the"
-            " largest w, a number the epochs in which that was so: the farther a board is from the"
+            " largest w, and the darker a cell the more epochs: the farther a board is from the"
             " winner, the farther to the right it is.",
         ),
         *_decision_figures(timed, pictures),

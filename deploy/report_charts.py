@@ -26,7 +26,7 @@ from deploy.trajectory import Floats, Integers
 WIDTH_IN, HEIGHT_IN = 3.5, 1.9
 ROW_IN = 0.18
 BINS = 60
-ROUNDS_SHOWN_MAX = 12
+ROUNDS_LARGE_MAX, ROUNDS_SHOWN_MAX = 12, 16
 LEGEND_MAX, LEGEND_COLUMNS_MAX = 6, 4
 DIGITS = {
     0.9: (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0),
@@ -35,7 +35,7 @@ DIGITS = {
 }
 """Numbers on a logarithmic scale of at most so many decades: two to eight have room."""
 DARK = 0.5
-"""A share from which numbers are white."""
+"""Of the largest share, from which numbers are white."""
 SHARES = LinearSegmentedColormap.from_list("shares", ["#ffffff", "#dbe3e8", "#7f97a6", "#2b4352"])
 FATE_LOOKS: dict[Fate, dict[str, Any]] = {
     Fate.HEARD: {"color": "#d9dfe3"},
@@ -118,13 +118,14 @@ def rounds_matrix(epochs: Epochs, joints: Sequence[str], rounds: int) -> Figure:
     counted = np.array([[int((of == column).sum()) for column in columns] for of in known])
     share = counted / np.maximum(counted.sum(axis=1, keepdims=True), 1)
     figure, axes = _figure(0.62 + ROW_IN * len(joints), left_in=0.62, top_in=0.08)
-    axes.imshow(share, aspect="auto", origin="lower", cmap=SHARES, vmin=0.0, vmax=1.0)
+    axes.imshow(share, aspect="auto", origin="lower", cmap=SHARES, vmin=0.0)
+    size = 6.0 if len(columns) <= ROUNDS_LARGE_MAX else 4.8
     for row, column in np.argwhere(counted > 0) if len(columns) <= ROUNDS_SHOWN_MAX else ():
-        colour = "white" if share[row, column] > DARK else INK
+        colour = "white" if share[row, column] > DARK * share.max() else INK
         number = f"{counted[row, column]}"
-        axes.text(column, row, number, size=6.0, ha="center", va="center", color=colour)
-    step = 1 + rounds // ROUNDS_SHOWN_MAX
-    shown = list(range(0, rounds + 1, step))
+        axes.text(column, row, number, size=size, ha="center", va="center", color=colour)
+    step = 1 + rounds // ROUNDS_LARGE_MAX
+    shown = list(range(0, rounds + (step == 1), step))
     axes.set_xticks([*shown, rounds + 1], [*map(str, shown), "never"])
     _plain_rows(axes, joints)
     axes.set_xlabel("Rounds until it knew the maximum (epochs)")

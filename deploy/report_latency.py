@@ -58,10 +58,10 @@ def between_ns(first_ns: Integers, then_ns: Integers) -> Floats:
 def decisions_ns(recording: Recording, epochs: Epochs) -> Floats:
     """From the opening of an epoch's first tick until each member had decided, (E, N).
 
-    A board has decided when it has said the tick in which it latches. Where its clock is not the
-    plant's, it counts when the plant had its answer. NaN: no member, or not known.
+    A board has decided when it has thought the tick through in which it latches. Where its clock is
+    not the plant's, it counts when the plant had its answer. NaN: no member, or not known.
     """
-    decided_ns = recording.said_ns if recording.clocks_shared else recording.answered_ns
+    decided_ns = recording.decided_ns if recording.clocks_shared else recording.answered_ns
     opened_ns = recording.opened_ns[epochs.first_tick][:, None]
     took_ns = between_ns(opened_ns, decided_ns[epochs.latch_tick])
     return np.where(epochs.members, took_ns, np.nan)

@@ -14,8 +14,8 @@ from itertools import groupby
 from string import Template
 
 SVG_BYTES_MAX = 300_000
-"""A drawing that is larger goes into the page as pixels."""
-SHORT_MAX = 16
+"""A drawing that is larger goes into the page as pixels, where those are smaller."""
+SHORT_MAX = 24
 """A text of at most so many letters is not broken into lines."""
 
 
@@ -151,7 +151,7 @@ def _figure(figure: Figure) -> str:
 def _picture(figure: Figure, image: Image) -> str:
     label = f'<p class="run">{escape(image.label)}</p>\n' if image.label else ""
     alt = escape(f"{figure.title}: {image.label}" if image.label else figure.title)
-    drawn = len(image.svg) <= SVG_BYTES_MAX
+    drawn = len(image.svg) <= max(SVG_BYTES_MAX, len(image.png))
     kind, content = ("svg+xml", image.svg) if drawn else ("png", image.png)
     source = f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
     scroll = f'class="scroll" tabindex="0" role="region" aria-label="{alt}"'

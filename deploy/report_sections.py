@@ -17,7 +17,7 @@ from deploy.report_strips import Strips, limits, strips
 from protocol.exit_codes import ExitCode
 
 FOLDED_FROM = 25
-"""A longer list of happenings is shown when asked for."""
+"""A table with more rows is shown when asked for."""
 NOBODY_ELECTED = "All boards move all the time: nobody is elected."
 
 
@@ -65,6 +65,7 @@ def _indices(runs: Sequence[Run]) -> Table:
         rows,
         notes=table.notes_on(papers),
         texts=frozenset({0, 1}),
+        folded=len(rows) > FOLDED_FROM,
     )
 
 

@@ -7,6 +7,7 @@ Rule 2: an arrow is one frame, from the tick it was said in to the tick it was f
 Rule 3: what a board learned is drawn heavier than what it knew already.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,8 @@ from deploy.trajectory import Floats
 
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.98, 0.78, 0.3, 0.62
 HEIGHT_IN_MAX = 11.0
+LETTER_IN = 0.055
+"""Width of a letter of a label, about."""
 BROKEN_AT = 0.4
 """Where a lost frame ends on its way: not half way, where those of both directions meet."""
 BEYOND = 0.55
@@ -140,7 +143,7 @@ def _draw_board(axes: Axes, scene: Scene, board: int) -> None:
         if round_ > 0 and candidate != before:
             w_deg = np.degrees(trajectory.urgency[tick, board])
             axes.annotate(
-                f"{joints[candidate]} {w_deg:.3g}°",
+                _fitting([f"{joints[candidate]} {w_deg:.3g}°", joints[candidate]], scene.rounds),
                 (round_, board),
                 (0.0, 6.0 if board else -11.5),  # Below the lowest line there are no arrows.
                 textcoords="offset points",
@@ -151,6 +154,12 @@ def _draw_board(axes: Axes, scene: Scene, board: int) -> None:
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
             )
         before = candidate
+
+
+def _fitting(labels: Sequence[str], rounds: int) -> str:
+    """The first of some labels that is no wider than a round; none: the colour says it too."""
+    letters = (WIDTH_IN - LEFT_IN - RIGHT_IN) / (rounds + BEYOND) / LETTER_IN
+    return next((label for label in labels if len(label) <= letters), "")
 
 
 def _draw_frames(

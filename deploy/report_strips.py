@@ -23,7 +23,7 @@ from deploy.report_happenings import Kind, Span
 from deploy.report_links import missed_share
 from deploy.report_timeline import LOOKS, draw_timeline, lanes_of
 
-LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.98, 0.06, 0.2, 0.36, 0.2
+LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.98, 0.12, 0.2, 0.36, 0.2
 BOARD_ROW_IN, LINK_ROW_IN, LANE_IN = 0.16, 0.12, 0.17
 PLOT_IN = WIDTH_IN - LEFT_IN - RIGHT_IN
 ROWS_IN_MIN = 0.3
@@ -151,22 +151,18 @@ def _draw_enabled(axes: Axes, run: Strips) -> None:
                 label=f"{label} enabled: {int(wrong.sum())} epochs",
                 clip_on=False,
             )
-        _legend(axes, 2)
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=2,
+            borderaxespad=0.1,
+            columnspacing=1.2,
+            handletextpad=0.4,
+            handlelength=1.2,
+            fontsize=6.0,
+        )
     _name_rows(axes, names)
     _title(axes, "Enabled boards")
-
-
-def _legend(axes: Axes, columns: int) -> None:
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.1,
-        columnspacing=1.2,
-        handletextpad=0.4,
-        handlelength=1.2,
-        fontsize=6.0,
-    )
 
 
 def _draw_w(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> None:
@@ -174,7 +170,7 @@ def _draw_w(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> None:
     joints, times_s = _joints(run), epochs.first_tick * _tick_s(run)
     w_deg = np.maximum(np.degrees(epochs.w_rad), W_FLOOR_DEG)
     few = len(times_s) <= MARKS_MANY
-    for board, joint in enumerate(joints):
+    for board in range(len(joints)):
         axes.plot(
             times_s,
             w_deg[:, board],
@@ -182,7 +178,6 @@ def _draw_w(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> None:
             linewidth=0.8,
             marker="o" if few else "",
             markersize=1.6,
-            label=joint,
         )
     axes.set_yscale("log")
     axes.set_ylim(shared.w_deg)
@@ -191,8 +186,7 @@ def _draw_w(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}°"))
     axes.grid(visible=True, axis="y", color=PALE, linewidth=0.4)
     axes.set_axisbelow(True)
-    _legend(axes, min(len(joints), 10))
-    _title(axes, "w: size of each board's error when the epoch began")
+    _title(axes, "w: size of each board's error when the epoch began, in the colours above")
 
 
 def _draw_rounds(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> None:

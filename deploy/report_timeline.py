@@ -13,11 +13,11 @@ from matplotlib.axes import Axes
 from deploy.drawing import INK
 from deploy.report_happenings import Kind, Span
 
-LETTER_IN = 0.058
+LETTER_IN = 0.05
 """Width of a letter of a label, about."""
 SHORTENED_LETTERS_MIN = 12
-LABEL_LETTERS_INSIDE = 6
-"""So many letters of a label in its span, or all, are better than the label behind it."""
+HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+"""Behind a label on hatching."""
 LOOKS: dict[Kind, dict[str, Any]] = {
     Kind.CUT: {"facecolor": "#222222", "edgecolor": "none"},
     Kind.FAULTS: {"facecolor": "#ddcc77", "edgecolor": "none"},
@@ -38,7 +38,7 @@ def draw_timeline(
     axes: Axes, happened: Sequence[Span], tick_s: float, end_s: float, width_in: float
 ) -> None:
     """Draw all spans on axes that are `width_in` wide and end at `end_s`; name no lanes."""
-    per_inch = end_s / width_in
+    letter_s = LETTER_IN * end_s / width_in
     for row, lane in enumerate(reversed(lanes_of(happened))):
         spans = [span for span in happened if span.lane == lane]
         for span, after in zip(spans, [*spans[1:], None], strict=True):
@@ -46,16 +46,22 @@ def draw_timeline(
             if span.kind is Kind.MOMENT:
                 axes.plot([start_s], [row], "D", color=INK, markersize=2.6, clip_on=False)
             else:
-                drawn_s = max(length_s, 0.01 * per_inch)
+                drawn_s = max(length_s, 0.2 * letter_s)
                 axes.barh(row, drawn_s, 0.7, start_s, linewidth=0.3, **LOOKS[span.kind])
-            letters = min(LABEL_LETTERS_INSIDE, len(span.label) + 1)
-            inside = length_s >= letters * LETTER_IN * per_inch
-            text_s = start_s + 0.05 * per_inch + (0.0 if inside else length_s)
             next_s = end_s if after is None else after.first_tick * tick_s
-            room_s = length_s if inside else next_s - text_s
-            text = shortened(span.label, int(room_s / per_inch / LETTER_IN))
-            colour = "white" if inside and span.kind in ON_DARK else INK
-            axes.text(text_s, row, text, size=5.5, va="center", color=colour, zorder=3)
+            within = int(length_s / letter_s) - 1
+            behind = int((next_s - start_s - length_s) / letter_s) - 1
+            inside = within >= min(len(span.label), behind)
+            axes.text(
+                start_s + letter_s + (0.0 if inside else length_s),
+                row,
+                shortened(span.label, within if inside else behind),
+                size=5.5,
+                va="center",
+                color="white" if inside and span.kind in ON_DARK else INK,
+                bbox=HALO if inside and span.kind is Kind.AWAY else None,
+                zorder=3,
+            )
 
 
 def _ticks(span: Span) -> int:

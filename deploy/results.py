@@ -1,35 +1,64 @@
-"""From a run's spool to its results. Imports numpy, so it is imported when the run is over."""
+"""From a run's spool to its results. Imports numpy, so it is imported when the run is over.
 
-from collections.abc import Sequence
+Rule: the spool goes when `run.mcap` is whole, and not before. Whatever comes in between, a full
+disk or Ctrl-C, what was recorded is there, and `decmesh recover` makes the file of it.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Group
 
 from deploy import figures
+from deploy.logical_digest import logical_sha256
+from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
+from deploy.recording_files import MCAP, read_spool_of
 from deploy.run import SUMMARY
 from deploy.summary import Mode, Summary, summary, write_summary
 from deploy.table import report
-from deploy.trajectory import Trajectory, trajectory
-from plant_server.spool import read_spool
+from deploy.trajectory import Trajectory, recorded_trajectory
+from plant_server.spool import Spool, read_spool
+
+
+class Concluded(NamedTuple):
+    """A run that is over."""
+
+    spool: Spool
+    trajectory: Trajectory
+    summary: Summary
+    files: tuple[Path, ...]
+    """What was made of it, but for figures."""
 
 
 def read_run(folder: Path) -> Trajectory | None:
     """Read a run back from its folder; None if it never got as far as an end."""
+    spool = read_spool_of(folder)
+    if spool.outcome is None or spool.outcome.tick <= 0:
+        return None
+    return recorded_trajectory(spool)
+
+
+def conclude(folder: Path, mode: Mode) -> Concluded | None:
+    """Write `summary.json` for a run; None if there is nothing to sum up. Raises OSError."""
     spool = read_spool(folder / SPOOL)
     if spool.outcome is None or spool.outcome.tick <= 0:
         return None
-    return trajectory(spool.scenario, spool.ticks, spool.outcome)
-
-
-def conclude(folder: Path, mode: Mode) -> tuple[Trajectory, Summary] | None:
-    """Write `summary.json` for a run; None if there is nothing to sum up."""
-    run = read_run(folder)
-    if run is None:
-        return None
-    values = summary(run, mode=mode)
+    run = recorded_trajectory(spool)
+    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool))
     write_summary(folder / SUMMARY, values)
-    return run, values
+    return Concluded(spool, run, values, (folder / SUMMARY,))
+
+
+def keep(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Concluded:
+    """Make `run.mcap` of a run's spool, which then goes. Raises OSError, and the spool stays."""
+    path = folder / MCAP
+    write_mcap(concluded.spool, concluded.trajectory, path, on_tick)
+    with suppress(OSError):  # It does no harm if it stays.
+        (folder / SPOOL).unlink()
+    return concluded._replace(files=(*concluded.files, path))
 
 
 def table(runs: Sequence[Summary]) -> Group:

@@ -7,6 +7,7 @@
     ending, ticks, simulated_s              why it ended, after how many ticks, and their time
     wall_s, ticks_per_s                     how long that took
     state_sha256                            digest of the motion, to the bit (S20)
+    logical_sha256                          of all that processes and twin have in common (S20)
     indices.{TS, KNEE, BS, ...}             overshoot_deg, rise_s, rise_90_s, settling_paper_s,
                                             settling_band_s of each controlled variable
     energy_j                                positive, absolute, net
@@ -34,8 +35,8 @@ Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
 
 
-def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
-    """Sum up a run; the page above lists the keys."""
+def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = None) -> Summary:
+    """Sum up a run; the page above lists the keys. The digest is that of its recording."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
     agreed = elections(trajectory)
     values = {
@@ -49,6 +50,7 @@ def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
         "wall_s": wall_s,
         "ticks_per_s": trajectory.ticks / wall_s if wall_s > 0.0 else None,
         "state_sha256": trajectory.state_sha256,
+        "logical_sha256": logical_sha256,
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),

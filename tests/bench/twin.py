@@ -37,7 +37,7 @@ def in_twin(settings: Settings, *, recorded: bool) -> Figures:
             if record.tick == settings.warm_up:
                 started, cpu_s = time.perf_counter(), time.process_time()
             if recorded:
-                spool.append(record)
+                spool.append(record, None)
         taken_s, cpu_s = time.perf_counter() - started, time.process_time() - cpu_s
         spool.close(twin.lockstep.outcome(taken_s))
     ticks = settings.ticks - 1  # The first is over when the clock starts.

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from deploy.recording import Fate, LinkHistory, Recording
+from deploy.recording import Fate, Flags, LinkHistory, Recording
 from deploy.scenario import load
-from deploy.trajectory import Trajectory, trajectory
+from deploy.trajectory import Floats, Integers, Trajectory, trajectory
 from deploy.twin import run_twin
 
 START_NS = 5_000_000_000
@@ -61,7 +63,7 @@ def unfinished(of: Recording) -> Recording:
     return replace(of, complete=False)
 
 
-def _link(rng: np.random.Generator, sent: np.ndarray, said_ns: np.ndarray) -> LinkHistory:
+def _link(rng: np.random.Generator, sent: Flags, said_ns: Integers) -> LinkHistory:
     ticks = len(sent)
     drawn = rng.choice(
         [Fate.HEARD, Fate.LATE, Fate.LOST, Fate.CORRUPT], ticks, p=[0.8, 0.08, 0.08, 0.04]
@@ -86,3 +88,80 @@ def _link(rng: np.random.Generator, sent: np.ndarray, said_ns: np.ndarray) -> Li
 def _processes(of: Trajectory) -> dict[str, tuple[float, float]]:
     joints = [board["joint"] for board in of.scenario["board"]]
     return {name: (1.0 + i / 10, 33.0) for i, name in enumerate(["plant", *joints])}
+
+
+def chain(folder: Path, boards: int, duration_s: float) -> Trajectory:
+    """A line of boards that swings and elects, by no physics: for sizes that no body stands."""
+    path = folder / "chain.toml"
+    path.write_text(
+        f"[run]\nduration_s = {duration_s}\n[election]\nrounds = {boards + 2}\n"
+        '[[link]]\nlink = "all"\nloss = 0.1\n'
+        + "".join(
+            f'[[board]]\njoint = "joint_{i}"\ncontrols = "link-orientation"\n'
+            f"imu = {str(i == boards - 1).lower()}\n[board.servo]\nkp_nm_rad = 1.0\n"
+            f'kd_nm_s_rad = 1.0\n[board.link]\nname = "link_{i}"\nmass_kg = 1.0\n'
+            "length_m = 0.2\ncom_m = 0.1\n"
+            for i in range(boards)
+        ),
+        encoding="utf-8",
+    )
+    scenario = load(str(path)).values
+    ticks = scenario["run"]["ticks"]
+    times_s = np.arange(ticks + 1) / 1000.0
+    phases = np.arange(boards)
+    angles_rad = 0.05 * np.exp(-times_s / 50.0)[:, None] * np.sin(times_s[:, None] + phases)
+    return Trajectory(
+        scenario=scenario,
+        events=_pokes(boards, ticks),
+        ending="complete",
+        wall_s=duration_s,
+        angles_rad=angles_rad,
+        rates_rad_s=np.gradient(angles_rad, 0.001, axis=0),
+        torques_nm=np.ones((ticks, boards)),
+        controlled_rad=angles_rad[:-1],
+        state=np.full((ticks, boards), 2),
+        **_elected(np.abs(angles_rad), scenario["election"]),
+    )
+
+
+def _pokes(boards: int, ticks: int) -> list[tuple[int, list[Any]]]:
+    """A cut, its end and a push every second, here and there."""
+    found: list[tuple[int, list[Any]]] = []
+    for number, tick in enumerate(range(500, ticks, 1000)):
+        low = number % (boards - 1)
+        pairs = [[low, low + 1], [low + 1, low]]
+        found.append((tick, ["link", pairs, {"cut": 1.0}]))
+        found.append((tick + 200, ["push", low, 3.0, 100]))
+        found.append((tick + 400, ["link", pairs, {"cut": 0.0}]))
+    return found
+
+
+def _elected(w_rad: Floats, election: dict[str, Any]) -> dict[str, Any]:
+    """Max-consensus on a line of boards, of which one frame in ten is lost."""
+    rng = np.random.default_rng(7)
+    ticks, boards = len(w_rad) - 1, w_rad.shape[1]
+    epoch, round_ = np.divmod(np.arange(ticks), election["period_ticks"])
+    urgency = np.empty((ticks, boards))
+    candidate = np.empty((ticks, boards), dtype=np.int64)
+    enabled = np.ones((ticks, boards), dtype=np.int64)
+    for tick in range(ticks):
+        if round_[tick] == 0:
+            urgency[tick], candidate[tick] = w_rad[tick], np.arange(boards)
+        else:
+            urgency[tick], candidate[tick] = urgency[tick - 1], candidate[tick - 1]
+        if 0 < round_[tick] <= election["rounds"]:
+            for to, of in ((slice(1, None), slice(-1)), (slice(-1), slice(1, None))):
+                heard = rng.random(boards - 1) > 0.1
+                better = heard & (urgency[tick - 1, of] > urgency[tick, to])
+                urgency[tick, to][better] = urgency[tick - 1, of][better]
+                candidate[tick, to][better] = candidate[tick - 1, of][better]
+        latches = round_[tick] == election["rounds"]
+        won = (candidate[tick] == np.arange(boards)).astype(np.int64)
+        enabled[tick] = won if latches else enabled[tick - 1]
+    return {
+        "epoch": np.broadcast_to(epoch[:, None], (ticks, boards)),
+        "round": np.broadcast_to(np.minimum(round_, election["rounds"])[:, None], (ticks, boards)),
+        "urgency": urgency,
+        "candidate": candidate,
+        "enabled": enabled,
+    }

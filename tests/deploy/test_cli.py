@@ -74,7 +74,8 @@ def test_a_piped_run_prints_its_table_without_colours_or_bars(tmp_path: Path) ->
     assert done.stderr == ""
     assert "\x1b" not in done.stdout
     assert "overshoot" in done.stdout
-    assert done.stdout.splitlines()[-1] == str(tmp_path / "run" / "summary.json")
+    files = [str(tmp_path / "run" / name) for name in ("summary.json", "run.mcap")]
+    assert done.stdout.splitlines()[-2:] == files
 
 
 def test_json_also_tells_of_a_fall(tmp_path: Path) -> None:
@@ -95,7 +96,7 @@ def test_results_go_to_a_new_folder_in_runs(tmp_path: Path) -> None:
     assert done.returncode == ExitCode.OK
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("paper-")
-    assert {path.name for path in folder.iterdir()} >= {"run.spool", "summary.json"}
+    assert {path.name for path in folder.iterdir()} == {"run.mcap", "summary.json"}
 
 
 def test_the_paper_is_both_controllers_and_their_pictures(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from deploy.twin import run_twin
 
 KEYS = {
     "scenario", "seed", "mode", "controller", "ending", "ticks", "simulated_s", "wall_s",
-    "ticks_per_s", "state_sha256", "indices", "energy_j", "consensus", "versions",
+    "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "versions",
 }  # fmt: skip
 
 
@@ -28,12 +28,12 @@ def run(*overrides: str) -> Trajectory:
 
 
 def test_it_says_what_was_run_and_what_came_out(second: Trajectory) -> None:
-    found = summary(second, mode="twin")
+    found = summary(second, mode="twin", logical_sha256="4711")
     assert set(found) == KEYS
     assert (found["scenario"], found["seed"], found["mode"]) == ("paper", 7, "twin")
     assert (found["controller"], found["ending"]) == ("distributed", "complete")
     assert (found["ticks"], found["simulated_s"]) == (1000, 1.0)
-    assert found["state_sha256"] == second.state_sha256
+    assert (found["state_sha256"], found["logical_sha256"]) == (second.state_sha256, "4711")
     assert set(found["indices"]) == {"TS", "KNEE", "BS"}
     assert set(found["energy_j"]) == {"positive", "absolute", "net"}
     assert found["consensus"]["epochs"] == 10

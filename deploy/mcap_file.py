@@ -1,0 +1,247 @@
+"""`run.mcap`: a recording as an MCAP file, for viewers, for `decmesh` and for whoever reads JSON.
+
+Rule 1: a file appears under its name when it is whole, and not before.
+Rule 2: it holds all that the spool held, so it is read back as one.
+Rule 3: metadata say what one wants to know without reading on. Named `decmesh`: the format, whether
+        the recording is complete, `logical_sha256`, scenario, digest, ticks. Named `facts`: those.
+"""
+
+import math
+import os
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import orjson
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from zstandard import ZstdError
+
+from deploy import mcap_bodies as bodies
+from deploy import mcap_schema as schema
+from deploy.logical_digest import logical_sha256
+from deploy.mcap_messages import Telling, channels
+from deploy.trajectory import Trajectory
+from plant_server.record import Outcome, TickRecord, Walls
+from plant_server.spool import Spool
+from protocol.timing import Timing
+
+FORMAT = "1"
+"""Of what is on the channels; another one cannot be read."""
+METADATA, FACTS = "decmesh", "facts"
+UNFINISHED = ".unfinished"
+DAMAGE = (McapError, ZstdError, struct.error, ValueError, LookupError, TypeError)
+"""What reading a damaged file can come to."""
+RELEASE_NS = 1_000_000_000_000
+"""Log time of tick 0: 1000 s, so that the warm-up before it has a time as well."""
+
+
+class Content(NamedTuple):
+    """A message as it is in the file."""
+
+    kind: str
+    """Name of its schema."""
+    topic: str
+    data: bytes
+
+
+class NoRecordingError(ValueError):
+    """An MCAP file that is none of ours, not whole, or not of this format; says why."""
+
+
+def write_mcap(spool: Spool, run: Trajectory, path: Path, on_tick: Callable[[int], None]) -> None:
+    """Write a recording, of which `run` is the trajectory.
+
+    Raises OSError, or as `Telling.messages`, and then leaves nothing.
+    """
+    unfinished = path.with_name(path.name + UNFINISHED)
+    try:
+        with unfinished.open("wb") as file:
+            _write(spool, run, file, on_tick)
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+    except BaseException:
+        unfinished.unlink(missing_ok=True)
+        raise
+
+
+def read_mcap(path: Path, *, whole: bool = True) -> Spool:
+    """Read a recording back; of one that is not `whole`, what comes before the first damage.
+
+    Raises OSError or `NoRecordingError`.
+    """
+    reading = _Reading()
+    with path.open("rb") as file:
+        try:
+            _read(file, reading)
+        except NoRecordingError:
+            raise
+        except DAMAGE as error:
+            if whole or not reading.ticks:
+                hint = "decmesh recover reads what comes before that"
+                raise NoRecordingError(f"it is damaged or cut off; {hint}") from error
+            return reading.spool()._replace(complete=False)
+    if reading.metadata is None:
+        raise NoRecordingError("it is an MCAP file, but not of decmesh")
+    return reading.spool()
+
+
+def _read(file: IO[bytes], reading: "_Reading") -> None:
+    for item in contents(file):
+        if isinstance(item, Metadata):
+            reading.describe(item.metadata)
+        else:
+            reading.take(*item)
+
+
+def contents(file: IO[bytes]) -> Iterator[Metadata | Content]:
+    """What is in a recording of ours, in its order. Raises one of `DAMAGE`."""
+    channels_by_id: dict[int, Channel] = {}
+    kinds: dict[int, str] = {}
+    for record in StreamReader(file, validate_crcs=True).records:
+        if isinstance(record, Message):
+            channel = channels_by_id[record.channel_id]
+            yield Content(kinds[channel.schema_id], channel.topic, record.data)
+        elif isinstance(record, Channel):
+            channels_by_id[record.id] = record
+        elif isinstance(record, Schema):
+            kinds[record.id] = record.name
+        elif isinstance(record, Metadata) and record.name == METADATA:
+            yield record
+
+
+def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[int], None]) -> None:
+    telling = Telling(spool, run)
+    tick_ns = spool.scenario["run"]["tick_s"] * 1e9
+    writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
+    writer.start(library="decmesh")
+    for name, data in _metadata(spool, telling.scenario.digest).items():
+        writer.add_metadata(name, data)
+    numbers = _declare(writer, telling.joints)
+    sequences = dict.fromkeys(numbers, 0)
+    for topic, tick, publish_ns, body in telling.messages(on_tick):
+        log_ns = max(0, RELEASE_NS + round(tick * tick_ns))
+        writer.add_message(
+            numbers[topic],
+            log_time=log_ns,
+            data=dump(body),
+            publish_time=publish_ns or log_ns,
+            sequence=sequences[topic],
+        )
+        sequences[topic] += 1
+    writer.finish()
+
+
+def _declare(writer: Writer, joints: list[str]) -> dict[str, int]:
+    """Register schemas and channels; the number of each channel by its topic."""
+    found = channels(joints)
+    schemas = {
+        kind.name: writer.register_schema(kind.name, "jsonschema", orjson.dumps(kind.schema))
+        for kind in {kind.name: kind for kind in found.values()}.values()
+    }
+    return {
+        topic: writer.register_channel(topic, "json", schemas[kind.name])
+        for topic, kind in found.items()
+    }
+
+
+def _metadata(spool: Spool, digest: bytes) -> dict[str, dict[str, str]]:
+    return {
+        METADATA: {
+            "format": FORMAT,
+            "complete": str(spool.complete).lower(),
+            "logical_sha256": logical_sha256(spool),
+            "scenario": spool.scenario["name"],
+            "digest": digest.hex(),
+            "ticks": str(max(0, spool.ticks[-1].tick + 1)),
+        },
+        FACTS: {
+            name: fact if isinstance(fact, str) else orjson.dumps(fact).decode()
+            for name, fact in spool.facts.items()
+        },
+    }
+
+
+def dump(body: bodies.Body) -> bytes:
+    """Write a body as JSON."""
+    data = orjson.dumps(body)
+    if b"null" in data:  # Nothing of ours is null: what is no number becomes one here.
+        data = orjson.dumps(_spelled(body))
+    return data
+
+
+def _spelled(value: Any) -> Any:
+    """The same with a word in place of every number that is none."""
+    if isinstance(value, dict):
+        return {name: _spelled(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_spelled(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    return value
+
+
+class _Reading:
+    """Puts the records of a spool together from messages, in the order of the file."""
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, str] | None = None
+        self.scenario: dict[str, Any] = {}
+        self.facts: dict[str, Any] = {}
+        self.ticks: list[TickRecord] = []
+        self.walls: dict[int, Walls] = {}
+        self.timings: list[tuple[int, Timing]] = []
+        self.outcome: Outcome | None = None
+        self._joints: list[str] = []
+        self._events: list[list[Any]] = []
+        self._answers: dict[str, bytes] = {}
+        """Events and answers of the tick that is being read."""
+
+    def spool(self) -> Spool:
+        """What has been read."""
+        walls = [self.walls.get(record.tick) for record in self.ticks]
+        complete = self.metadata is not None and self.metadata["complete"] == "true"
+        return Spool(
+            self.scenario, self.facts, self.ticks, walls, self.timings, self.outcome, complete
+        )
+
+    def describe(self, metadata: dict[str, str]) -> None:
+        """Take the file's own word for what it is."""
+        if metadata["format"] != FORMAT:
+            raise NoRecordingError(
+                f"it has format {metadata['format']}, and this decmesh reads format {FORMAT}"
+            )
+        self.metadata = metadata
+
+    def take(self, kind: str, topic: str, data: bytes) -> None:
+        """Take one message, if the spool had what it says."""
+        match kind:
+            case schema.SCENARIO.name:
+                self.scenario = bodies.to_scenario(orjson.loads(data))
+                self._joints = [board["joint"] for board in self.scenario["board"]]
+            case schema.FACTS.name:
+                self.facts = bodies.to_facts(orjson.loads(data))
+            case schema.EVENT.name:
+                self._events.append(bodies.to_event(orjson.loads(data)))
+            case schema.TORQUE.name:
+                self._answers[_joint(topic)] = bodies.to_torque(orjson.loads(data))
+            case schema.PLANT_TICK.name:
+                answers = [self._answers.get(joint, b"") for joint in self._joints]
+                self.ticks.append(bodies.to_tick(orjson.loads(data), answers, self._events))
+                self._answers, self._events = {}, []
+            case schema.TIMING.name:
+                body = orjson.loads(data)
+                self.walls[body["tick"]] = bodies.to_walls(body)
+            case schema.BOARD_TIMING.name:
+                board = self._joints.index(_joint(topic))
+                self.timings.append((board, bodies.to_timing(orjson.loads(data))))
+            case schema.OUTCOME.name:
+                self.outcome = bodies.to_outcome(orjson.loads(data))
+
+
+def _joint(topic: str) -> str:
+    return topic.split("/")[1]

@@ -1,0 +1,144 @@
+"""Commands on recordings: replay, recover, export."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from deploy.failure import FailedError
+from deploy.progress import ticks_shown
+from protocol.exit_codes import ExitCode
+from protocol.fingerprint import fingerprint
+
+if TYPE_CHECKING:
+    from plant_server.spool import Spool
+
+err = Console(stderr=True)
+
+RecordingArgument = Annotated[
+    Path, typer.Argument(metavar="RECORDING", help="A run's folder, its run.mcap, or a spool.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+class Format(StrEnum):
+    """Files that others can read."""
+
+    CSV = "csv"
+    NPZ = "npz"
+    PARQUET = "parquet"
+
+
+def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
+    """Play a recording again in the twin, and prove it to the bit.
+
+    What came from outside, commands and the deaths of processes, is taken from the recording; all
+    else is computed again. Exit code 1: a value differs, and it is named.
+
+    Example: decmesh replay runs/storm-20260101-120000
+    """
+    # Numpy and the libraries of files are needed only now.
+    from deploy.differences import first_difference  # noqa: PLC0415
+    from deploy.false_messages import first_false_message  # noqa: PLC0415
+    from deploy.recording_files import is_mcap, read_spool_of, recording_file  # noqa: PLC0415
+
+    file = recording_file(recording)
+    spool = read_spool_of(file)
+    here, there = fingerprint(), spool.facts.get("fingerprint")
+    if here != there:
+        _tell(f"recorded where numbers are rounded otherwise: fingerprint {there}, here {here}")
+    with ticks_shown(err, "replay", spool.scenario) as on_tick:
+        difference = first_difference(spool, on_tick)
+    if difference is None and is_mcap(file):
+        with ticks_shown(err, "messages", spool.scenario) as on_tick:
+            difference = first_false_message(spool, file, on_tick)
+    if as_json:
+        facts = {
+            "identical": difference is None,
+            "ticks": spool.ticks[-1].tick + 1,
+            "complete": spool.complete,
+            "same_arithmetic": here == there,
+            "difference": difference and difference.facts,
+        }
+        print(json.dumps(facts, indent=2))
+    elif difference is None:
+        print(f"identical: {_ticks(spool)}")
+    else:
+        print(difference)
+    if difference is not None:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+def recover(recording: RecordingArgument, as_json: JsonOption = False) -> None:
+    """Make run.mcap of what there is of a run that was cut off.
+
+    Example: decmesh recover runs/storm-20260101-120000
+    """
+    from deploy.logical_digest import logical_sha256  # noqa: PLC0415 - as above
+    from deploy.recording_files import read_spool_of  # noqa: PLC0415 - as above
+    from deploy.recovery import places, rescue  # noqa: PLC0415 - as above
+
+    source, target = places(recording)
+    spool = read_spool_of(source, whole=False)
+    with ticks_shown(err, "recover", spool.scenario) as on_tick, _writing(target):
+        rescue(spool, target, on_tick)
+    if as_json:
+        facts = {"file": str(target), "ticks": spool.ticks[-1].tick + 1, "complete": spool.complete}
+        print(json.dumps({**facts, "logical_sha256": logical_sha256(spool)}, indent=2))
+    else:
+        print(f"{target}: {_ticks(spool)}")
+
+
+def export(
+    recording: RecordingArgument,
+    to: Annotated[Format, typer.Option("--to", help="Which kind of files.")],
+    out_folder: Annotated[
+        Path | None, typer.Option("--out", help="Folder for them; default: beside the recording.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write ticks, epochs and events as tables, for an analysis of your own.
+
+    Every column is named with its unit; README says what each is.
+
+    Example: decmesh export runs/storm-20260101-120000 --to csv
+    """
+    from deploy.export import tables, write_tables  # noqa: PLC0415 - as above
+    from deploy.recording import read_recording  # noqa: PLC0415 - as above
+    from deploy.recording_files import recording_file  # noqa: PLC0415 - as above
+
+    found = read_recording(recording)
+    folder = out_folder or recording_file(recording).parent
+    with _writing(folder):
+        files = write_tables(tables(found), folder, to.value)
+    if as_json:
+        print(json.dumps({"files": [str(path) for path in files]}, indent=2))
+    else:
+        for path in files:
+            print(path)
+
+
+def _ticks(spool: "Spool") -> str:
+    unfinished = "" if spool.complete else "; the recording is incomplete"
+    return f"{spool.ticks[-1].tick + 1} ticks{unfinished}"
+
+
+@contextmanager
+def _writing(place: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        line = f"cannot write {place}: {error.strerror}"
+        raise FailedError(ExitCode.NO_OUTPUT, line) from error
+
+
+def _tell(line: str) -> None:
+    err.print(line, highlight=False, soft_wrap=True)
+
+
+ALL = (replay, recover, export)

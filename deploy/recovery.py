@@ -1,0 +1,35 @@
+"""Recovery: `run.mcap` of a run that could not make it, from all that is whole of its recording.
+
+Rule: what it is made from stays, for it may hold more than could be read.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from deploy.mcap_file import write_mcap
+from deploy.processes import SPOOL
+from deploy.recording_files import UnreadableError, recording_file
+from deploy.replay import UnplayableError
+from deploy.trajectory import recorded_trajectory
+from plant_server.spool import Spool
+from protocol.frames import ProtocolError
+
+ENDING = ".mcap"
+RECOVERED_ENDING = ".recovered.mcap"
+"""A damaged file is not written over."""
+
+
+def places(path: Path) -> tuple[Path, Path]:
+    """What to recover, and where to: beside it. Raises `UnreadableError`."""
+    spool = path / SPOOL
+    source = spool if spool.exists() else recording_file(path)
+    damaged = source.suffix == ENDING
+    return source, source.with_suffix(RECOVERED_ENDING if damaged else ENDING)
+
+
+def rescue(spool: Spool, target: Path, on_tick: Callable[[int], None]) -> None:
+    """Write what was read. Raises `UnreadableError`, or OSError."""
+    try:
+        write_mcap(spool, recorded_trajectory(spool), target, on_tick)
+    except (UnplayableError, ProtocolError) as error:
+        raise UnreadableError(f"what was recorded does not make a run: {error}") from error

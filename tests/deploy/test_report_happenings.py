@@ -1,0 +1,104 @@
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from deploy.report_happenings import Kind, Span, timeline, told
+from deploy.trajectory import Trajectory
+from tests.deploy.recordings import run
+
+
+def lanes(trajectory: Trajectory) -> dict[str, list[Span]]:
+    found: dict[str, list[Span]] = {}
+    for span in timeline(trajectory):
+        found.setdefault(span.lane, []).append(span)
+    return found
+
+
+@pytest.mark.parametrize("name", ["storm", "hotplug", "knee-out", "blackout", "one-way", "push"])
+def test_spans_of_a_lane_follow_each_other_within_the_run(name: str) -> None:
+    trajectory = run(name)
+    found = lanes(trajectory)
+    assert found
+    for spans in found.values():
+        assert all(0 <= span.first_tick <= span.end_tick <= trajectory.ticks for span in spans)
+        assert all(one.end_tick <= other.first_tick for one, other in pairwise(spans))
+
+
+def test_a_cut_ends_what_the_scenario_has_for_good_and_gives_it_back() -> None:
+    spans = lanes(run("storm"))["knee-hip"]
+    assert [(span.first_tick, span.end_tick, span.kind) for span in spans] == [
+        (0, 800, Kind.FAULTS),
+        (800, 1000, Kind.CUT),
+        (1000, 10_000, Kind.FAULTS),
+    ]
+    assert spans[0].label == spans[2].label
+    assert "loss 0.1" in spans[0].label
+    assert "delay 1 ms" in spans[0].label
+
+
+def test_a_one_way_cut_has_a_lane_of_its_own() -> None:
+    found = lanes(run("one-way"))
+    assert [name for name in found if "→" in name] == ["knee → ankle"]
+
+
+def test_what_is_true_of_all_links_is_one_lane() -> None:
+    assert list(lanes(run("lossy"))) == ["all links"]
+
+
+def test_a_joint_without_a_board_and_the_sides_that_it_leaves() -> None:
+    found = lanes(run("knee-out"))
+    away, syncing = found["knee"]
+    assert (away.kind, away.first_tick, away.end_tick) == (Kind.AWAY, 2000, 4000)
+    assert (syncing.kind, syncing.first_tick) == (Kind.SYNCING, 4000)
+    (apart,) = found["cut apart"]
+    assert (apart.first_tick, apart.end_tick, apart.label) == (2000, 4000, "ankle | hip")
+
+
+def test_healing_ends_faults_for_good() -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    events: list[tuple[int, list[Any]]] = [
+        (100, ["link", [[0, 1]], {"loss": 0.5}]),
+        (200, ["link", [], {"delay_ticks": 3.0}]),
+        (300, ["heal", []]),
+    ]
+    spans = timeline(replace(trajectory, events=events))
+    assert [(span.lane, span.first_tick, span.end_tick, span.label) for span in spans] == [
+        ("ankle → knee", 100, 200, "loss 0.5"),
+        ("ankle → knee", 200, 300, "loss 0.5, delay 3 ms"),
+        ("knee → ankle", 200, 300, "delay 3 ms"),
+        ("knee-hip", 200, 300, "delay 3 ms"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("event", "words"),
+    [
+        (["link", [[0, 1], [1, 0]], {"cut": 1.0}], "ankle-knee: cut"),
+        (["link", [[2, 1]], {"cut": 0.0}], "hip → knee: end of cut"),
+        (["link", [], {"loss": 0.2, "jitter_ticks": 2.0}], "all links: loss 0.2, jitter 2 ms"),
+        (["heal", []], "all links: perfect again"),
+        (["push", 2, -40.0, 100], "trunk: pushed with -40 N for 100 ms"),
+        (["reference", 1, 0.05235987755982988], "knee: reference 3°"),
+        (["unplug", 1], "knee: command unplug"),
+        (["gone", 1, "died"], "knee: gone: died"),
+        (["admitted", 1, 2], "knee: admitted, incarnation 2"),
+        (["energy_lost_j", 1, 0.125], "knee: joint braked, which took 0.125 J"),
+        (["sides", [[0], [2]]], "cut apart: ankle | hip"),
+        (["sides", [[0, 1, 2]]], "connected: ankle, knee, hip"),
+        (["excused", 0, 1], "knee: goes on without a frame of ankle"),
+        (["invented", 1, 7], "knee: invented 7"),
+        (["invented", "elsewhere"], '["invented", "elsewhere"]'),
+    ],
+)
+def test_every_event_is_told_in_words(event: list[Any], words: str) -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    (found,) = told(replace(trajectory, events=[(7, event)]))
+    assert found == (7, words)
+
+
+def test_boards_that_were_there_from_the_start_are_not_news() -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    assert trajectory.events
+    assert told(trajectory) == []
