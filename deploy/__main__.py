@@ -1,6 +1,14 @@
 """`python -m deploy ...` is `decmesh ...`."""
 
-from deploy.cli import main
+import sys
+
+from protocol.exit_codes import ExitCode
+
+try:
+    from deploy.cli import main
+except ModuleNotFoundError as error:
+    print(f"{error.name} is not installed; make run installs what decmesh needs", file=sys.stderr)
+    sys.exit(ExitCode.UNFIT)
 
 if __name__ == "__main__":
     main()

@@ -1,24 +1,22 @@
 """The command line: `decmesh --help` is its guide."""
 
-import json
 import sys
 import textwrap
 from argparse import ArgumentTypeError
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 
-from deploy import live_cli, recording_cli, report_cli
+from deploy import live_cli, measure_cli, recording_cli, report_cli, study_cli
 from deploy import run as runs
 from deploy.failure import FailedError
 from deploy.processes import SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import available, load
+from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError, stop_on_signals
@@ -27,18 +25,31 @@ from protocol.scenario import ResolvedScenario, ScenarioError, canonical
 if TYPE_CHECKING:
     from deploy.results import Concluded
 
+RUN, SCENARIOS, MEASURE, LIVE = "Run", "Scenarios", "Measure", "On a running robot"
+GUIDE = """\
+Robot joints that decide for themselves. Each is a board, a process of its own; the boards elect,
+over Zenoh, which of them may move, while a plant process integrates the body in lockstep. The same
+scenario and seed give the same motion, to the bit.
+
+\b
+Three things to begin with:
+  [bold]decmesh doctor[/bold]        is this machine fit for it, and if not, what to do
+  [bold]decmesh paper[/bold]         the paper's experiment, its Table II beside ours
+  [bold]decmesh run blackout[/bold]  a cable is cut while the robot rises;
+                        how it is, from another terminal: [bold]decmesh status[/bold]
+"""
+
 app = typer.Typer(
+    name="decmesh",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
-    help="Robot joints that decide for themselves: separate board processes that elect, over"
-    " Zenoh, which of them may move, while a plant process integrates the body in lockstep.",
-    epilog="Start with: decmesh paper",
+    help=GUIDE,
+    epilog="Every command explains itself, with an example: decmesh run --help",
 )
-study = typer.Typer(no_args_is_help=True, help="Run many twins; sum them up as table and figure.")
-app.add_typer(study, name="study")
-out, err = Console(), Console(stderr=True)
+app.add_typer(study_cli.app, name="study", rich_help_panel=MEASURE)
+app.add_typer(measure_cli.app, name="measure", rich_help_panel=MEASURE)
 SCENARIO_COLUMNS = 80
 RECOVER = "decmesh recover {} makes run.mcap of what was recorded"
 
@@ -55,14 +66,7 @@ def _checked_time(text: str | None) -> str | None:
 ScenarioArgument = Annotated[
     str, typer.Argument(help="A scenario by name (see `decmesh scenarios`), or a TOML file.")
 ]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. run.duration_s=2."),
-]
 SeedOption = Annotated[int | None, typer.Option(help="Seed of everything random (run.seed).")]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", help="Folder for the results; default: a new one in runs/.")
-]
 TwinOption = Annotated[
     bool, typer.Option("--twin", help="In one process instead: the same trajectory to the bit.")
 ]
@@ -74,16 +78,18 @@ PatienceOption = Annotated[
         help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
     ),
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")]
 
 
 def main() -> NoReturn:
     """Run the command line; every way out is an exit code and at most one line per complaint."""
     try:
         stop_on_signals()
-        app()
+        code: int = app(prog_name="decmesh", standalone_mode=False) or ExitCode.OK
+    except typer.TyperException as error:
+        code = ExitCode.BAD_INPUT
+        _explain(error)
     except ScenarioError as error:
-        code: int = ExitCode.BAD_INPUT
+        code = ExitCode.BAD_INPUT
         print(error, file=sys.stderr)
     except FailedError as error:
         code = error.code
@@ -94,13 +100,17 @@ def main() -> NoReturn:
     sys.exit(code)
 
 
-@app.command()
+@app.command(rich_help_panel=RUN)
 def paper(
     twin: TwinOption = False,
     settings: SetOption = None,
     out_folder: OutOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Run the paper's experiment, original and distributed, and print its Table II beside ours.
+    """The paper's experiment: Table II beside ours, and figures.
+
+    With both controllers: the original, where all boards move, and the
+    distributed, where they elect the one that moves.
 
     Example: decmesh paper
     """
@@ -119,13 +129,17 @@ def paper(
     original, distributed = (
         _conclude(part, code, twin=twin) for part, code in zip(parts, codes, strict=True)
     )
-    out.print(results.table([original.summary, distributed.summary]))
-    for path in results.paper_figures(original.trajectory, distributed.trajectory, folder):
-        out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
+    files = results.paper_figures(original.trajectory, distributed.trajectory, folder)
+    summaries = {"original": original.summary, "distributed": distributed.summary}
+    if as_json:
+        print_json({**summaries, "files": files})
+    else:
+        out.print(results.table(list(summaries.values())))
+        print_files(files)
     raise typer.Exit(max(codes))
 
 
-@app.command()
+@app.command(rich_help_panel=RUN)
 def run(
     scenario: ScenarioArgument,
     twin: TwinOption = False,
@@ -135,7 +149,9 @@ def run(
     as_json: JsonOption = False,
     patience: PatienceOption = None,
 ) -> None:
-    """Run one scenario: a plant and its boards as processes over Zenoh, in lockstep.
+    """One scenario, in processes over Zenoh or as a twin.
+
+    A plant and a board for each joint, in lockstep. What came out is in summary.json.
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """
@@ -147,24 +163,46 @@ def run(
     code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
     concluded = _conclude(folder, code, twin=twin)
     if as_json:
-        print(json.dumps(concluded.summary, indent=2))
+        print_json(concluded.summary)
     else:
         from deploy import results  # noqa: PLC0415 - as above
 
         out.print(results.table([concluded.summary]))
-        for path in concluded.files:
-            out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
+        print_files(concluded.files)
     raise typer.Exit(code)
 
 
-@app.command()
-def scenarios() -> None:
-    """List the scenarios that come with decmesh, each with what it shows.
+@app.command(rich_help_panel=RUN)
+def doctor(as_json: JsonOption = False) -> None:
+    """Whether this machine is fit for it, and if not, what to do.
+
+    Looks at Python, packages, cores, memory, network, ports, folders, the
+    clock, and what other runs may have left over.
+
+    Example: decmesh doctor
+    """
+    from deploy import doctor as doctors  # noqa: PLC0415 - as above
+
+    checks = doctors.examine()
+    if as_json:
+        print_json({"fit": doctors.fit(checks), "checks": checks})
+    else:
+        out.print(doctors.report(checks), highlight=False)
+    raise typer.Exit(ExitCode.OK if doctors.fit(checks) else ExitCode.UNFIT)
+
+
+@app.command(rich_help_panel=SCENARIOS)
+def scenarios(as_json: JsonOption = False) -> None:
+    """Which scenarios there are, and what each shows.
 
     Example: decmesh scenarios
     """
-    for name in available():
-        line = f"{name:14} {load(name).values['description']}"
+    shown = {name: load(name).values["description"] for name in available()}
+    if as_json:
+        print_json(shown)
+        return
+    for name, description in shown.items():
+        line = f"{name:14} {description}"
         print(
             textwrap.fill(
                 line, SCENARIO_COLUMNS, subsequent_indent=" " * 15, break_on_hyphens=False
@@ -172,61 +210,50 @@ def scenarios() -> None:
         )
 
 
-@app.command()
+@app.command(rich_help_panel=SCENARIOS)
 def check(
     scenario: ScenarioArgument,
     settings: SetOption = None,
     resolved: Annotated[bool, typer.Option("--resolved", help="Print every value.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
-    """Check a scenario: every mistake at once, each with its file and key.
+    """Every mistake of a scenario at once, each with its key.
 
     Example: decmesh check my_robot.toml
     """
-    found = load(scenario, settings or [])
+    try:
+        found = load(scenario, settings or [])
+    except ScenarioError as error:
+        if not as_json:
+            raise
+        print_json({"scenario": scenario, "fine": False, "mistakes": str(error).splitlines()})
+        raise typer.Exit(ExitCode.BAD_INPUT) from error
     if resolved:
         print(canonical(found.values).decode())
+    elif as_json:
+        about = {"boards": found.joints, "digest": found.digest.hex()}
+        print_json({"scenario": scenario, "fine": True, **about, "mistakes": []})
     else:
         joints = ", ".join(found.joints)
         out.print(f"{scenario}: fine; boards {joints}; digest {found.digest.hex()[:12]}")
-
-
-@study.command("loss")
-def study_loss(
-    seeds: Annotated[int, typer.Option(min=1, help="Runs of each loss and R.")] = 5,
-    duration: Annotated[str, typer.Option(help="Of each run, such as 10s.")] = "10s",
-    out_folder: OutOption = None,
-) -> None:
-    """Lose 0 to 50 % of all frames, with 2 to 8 consensus rounds: agreement and balance.
-
-    Example: decmesh study loss --seeds 2
-    """
-    from deploy import study as studies  # noqa: PLC0415 - as above
-    from deploy import study_figure  # noqa: PLC0415 - as above
-    from deploy.study_table import loss_table  # noqa: PLC0415 - as above
-
-    cases = studies.grid(seeds=seeds, duration_s=live_cli.quantity(duration, "time"))
-    folder = runs.new_folder(out_folder, "study-loss")
-    with Progress(console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task("study loss", total=len(cases))
-        results, complete = studies.run_cases(cases, lambda: progress.advance(task))
-    rows = list(studies.means(results))
-    if rows:
-        studies.write_csv(results, folder / studies.CSV)
-        out.print(loss_table(rows))
-        for path in (folder / studies.CSV, *study_figure.loss_figure(rows, folder / "loss")):
-            out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
-    if not complete:
-        err.print(f"{len(results)} of {len(cases)} runs were done")
-        raise StoppedError
 
 
 for recording_command in (*recording_cli.ALL, report_cli.report):
     app.command(rich_help_panel="Recordings")(recording_command)
 for live_command in live_cli.ALL:
     app.command(
-        rich_help_panel="On a running robot",
+        rich_help_panel=LIVE,
         context_settings={"ignore_unknown_options": True},  # A push of -20N is no option.
     )(live_command)
+
+
+def _explain(error: Any) -> None:
+    """Say in one line what is wrong with what was typed, and where to read on."""
+    context = getattr(error, "ctx", None)
+    command = "decmesh" if context is None else context.command_path
+    line = error.format_message()
+    if line:
+        print(f"{command}: {line.rstrip('.')}; see {command} --help", file=sys.stderr)
 
 
 def _run(

@@ -1,14 +1,13 @@
 """Commands on a running robot: cut, heal, loss, delay, push, reference, unplug, plug, status."""
 
-import json
 import math
 import re
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from deploy.terminal import JsonOption, out, print_json
 from protocol.commands import Command
 
 RigOption = Annotated[
@@ -16,10 +15,10 @@ RigOption = Annotated[
     typer.Option("--rig", help="Which robot: its base port, scenario or run folder, or HOST:PORT."),
 ]
 LinkArgument = Annotated[str, typer.Argument(help="A link, such as ankle-knee, or all.")]
+JointArgument = Annotated[str, typer.Argument(help="A joint, such as knee.")]
 OneWayOption = Annotated[
     bool, typer.Option("--one-way", help="Only from the first joint's board to the second's.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 QUANTITIES: dict[str, dict[str, float]] = {
     "force": {"N": 1.0, "kN": 1000.0},
@@ -38,33 +37,48 @@ def quantity(text: str, kind: str) -> float:
     return float(match[1]) * units[match[2]]
 
 
-def cut(link: LinkArgument, one_way: OneWayOption = False, rig: RigOption = None) -> None:
-    """Cut a link of the running robot.
+def cut(
+    link: LinkArgument,
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Nothing passes a link any more.
 
     Example: decmesh cut ankle-knee
     """
-    _change(link, {"cut": 1.0}, rig, one_way=one_way)
+    _change(link, {"cut": 1.0}, rig, one_way=one_way, as_json=as_json)
 
 
-def heal(link: LinkArgument = "all", one_way: OneWayOption = False, rig: RigOption = None) -> None:
-    """Make a link of the running robot perfect again, or all of them.
-
-    Example: decmesh heal
-    """
-    _do(lambda status, live: ["heal", live.pairs_of(link, status, one_way=one_way)], rig)
-
-
-def loss(
-    probability: Annotated[float, typer.Argument(min=0.0, max=1.0)],
+def heal(
     link: LinkArgument = "all",
     one_way: OneWayOption = False,
     rig: RigOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Lose frames at random, each with a probability.
+    """A link is perfect again, or all of them are.
+
+    Example: decmesh heal
+    """
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        return ["heal", live.pairs_of(link, status, one_way=one_way)]
+
+    _do(command, rig, as_json=as_json)
+
+
+def loss(
+    probability: Annotated[float, typer.Argument(min=0.0, max=1.0, help="0 to 1.")],
+    link: LinkArgument = "all",
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Frames are lost at random, each with a probability.
 
     Example: decmesh loss 0.2 knee-hip
     """
-    _change(link, {"loss": probability}, rig, one_way=one_way)
+    _change(link, {"loss": probability}, rig, one_way=one_way, as_json=as_json)
 
 
 def delay(
@@ -72,8 +86,9 @@ def delay(
     link: LinkArgument = "all",
     one_way: OneWayOption = False,
     rig: RigOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Let frames come late.
+    """Frames come late.
 
     Example: decmesh delay 5ms ankle-knee
     """
@@ -83,7 +98,7 @@ def delay(
         ticks = float(round(late_s / status["tick_s"]))
         return ["link", live.pairs_of(link, status, one_way=one_way), {"delay_ticks": ticks}]
 
-    _do(command, rig)
+    _do(command, rig, as_json=as_json)
 
 
 def push(
@@ -91,8 +106,11 @@ def push(
     duration: Annotated[str, typer.Option("--for", help="How long, such as 100ms.")] = "100ms",
     segment: Annotated[str | None, typer.Option("--at", help="Link; default: the top.")] = None,
     rig: RigOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Push the body at the centre of mass of a link.
+    """A horizontal force pushes the body, at a link's centre of mass.
+
+    Forward is positive; backward: decmesh push -- -40N
 
     Example: decmesh push 40N --for 100ms --at trunk
     """
@@ -103,42 +121,40 @@ def push(
         link = len(names) - 1 if segment is None else live.index_of(segment, names, "segment")
         return ["push", link, force_n, max(1, round(duration_s / status["tick_s"]))]
 
-    _do(command, rig)
+    _do(command, rig, as_json=as_json)
 
 
 def reference(
-    joint: str,
+    joint: JointArgument,
     angle: Annotated[str, typer.Argument(help="Such as 5deg.")],
     rig: RigOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Give a board another reference.
+    """Another goal for a board.
 
     Example: decmesh reference hip 5deg
     """
-    rad = quantity(angle, "angle")
-    _do(
-        lambda status, live: ["reference", live.index_of(joint, _joints(status), "joint"), rad], rig
-    )
+    _of_joint(joint, "reference", [quantity(angle, "angle")], rig, as_json=as_json)
 
 
-def unplug(joint: str, rig: RigOption = None) -> None:
-    """Pull a board: its process is killed.
+def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
+    """A board is pulled: its process is killed.
 
     Example: decmesh unplug knee
     """
-    _do(lambda status, live: ["unplug", live.index_of(joint, _joints(status), "joint")], rig)
+    _of_joint(joint, "unplug", [], rig, as_json=as_json)
 
 
-def plug(joint: str, rig: RigOption = None) -> None:
-    """Put a new board in where one was pulled.
+def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
+    """A new board is put in where one was pulled.
 
     Example: decmesh plug knee
     """
-    _do(lambda status, live: ["plug", live.index_of(joint, _joints(status), "joint")], rig)
+    _of_joint(joint, "plug", [], rig, as_json=as_json)
 
 
 def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
-    """Show the running robot: tick, boards and links.
+    """How the robot is: tick, boards, links, who is waited for.
 
     Example: decmesh status
     """
@@ -147,9 +163,8 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     with live.Terminal(live.find_rig(rig)) as terminal:
         now = terminal.status()
     if as_json:
-        print(json.dumps(now, indent=2))
+        print_json(now)
         return
-    out = Console()
     seconds = now["tick"] * now["tick_s"]
     waits = f"; waits for {', '.join(now['waits_for'])}" if now["waits_for"] else ""
     out.print(f"tick {now['tick']} ({seconds:.3f} s){waits}", highlight=False)
@@ -170,19 +185,34 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
 ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)
 
 
-def _joints(status: dict[str, Any]) -> list[str]:
-    return [board["joint"] for board in status["boards"]]
+def _change(
+    link: str, changes: dict[str, float], rig: str | None, *, one_way: bool, as_json: bool
+) -> None:
+    def command(status: dict[str, Any], live: Any) -> Command:
+        return ["link", live.pairs_of(link, status, one_way=one_way), changes]
+
+    _do(command, rig, as_json=as_json)
 
 
-def _change(link: str, changes: dict[str, float], rig: str | None, *, one_way: bool) -> None:
-    _do(lambda status, live: ["link", live.pairs_of(link, status, one_way=one_way), changes], rig)
+def _of_joint(
+    joint: str, name: str, values: list[float], rig: str | None, *, as_json: bool
+) -> None:
+    def command(status: dict[str, Any], live: Any) -> Command:
+        joints = [board["joint"] for board in status["boards"]]
+        return [name, live.index_of(joint, joints, "joint"), *values]
+
+    _do(command, rig, as_json=as_json)
 
 
-def _do(command: Any, rig: str | None) -> None:
+def _do(command: Any, rig: str | None, *, as_json: bool) -> None:
     """Ask the plant for what it knows, make the command from it, and have it carried out."""
     from deploy import live  # noqa: PLC0415 - only who talks to a robot needs the network
 
     with live.Terminal(live.find_rig(rig)) as terminal:
         now = terminal.status()
         tick = terminal.command(command(now, live))
-    print(f"takes effect in tick {tick} ({tick * now['tick_s']:.3f} s)")
+    at_s = tick * now["tick_s"]
+    if as_json:
+        print_json({"tick": tick, "at_s": at_s})
+    else:
+        print(f"takes effect in tick {tick} ({at_s:.3f} s)")

@@ -76,19 +76,7 @@ class Processes:
         _error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        deadline = time.monotonic() + STOP_PATIENCE_S
-        children = list(self.children.values())
-        for child in children:
-            if child.poll() is None:
-                child.terminate()
-        for child in children:
-            try:
-                child.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
-            assert child.stdin is not None
-            child.stdin.close()
+        end(list(self.children.values()))
         for reader in self._readers:
             reader.join()
 
@@ -162,3 +150,19 @@ class Processes:
         reader = threading.Thread(target=read, daemon=True)
         reader.start()
         self._readers.append(reader)
+
+
+def end(children: Sequence[subprocess.Popen[str]]) -> None:
+    """End processes: ask all, and kill those that take too long."""
+    deadline = time.monotonic() + STOP_PATIENCE_S
+    for child in children:
+        if child.poll() is None:
+            child.terminate()
+    for child in children:
+        try:
+            child.wait(max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+        assert child.stdin is not None
+        child.stdin.close()

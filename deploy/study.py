@@ -11,14 +11,10 @@ the motion is from the one without loss; it says whether loss is felt at all.
 """
 
 import csv
-import os
-import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import groupby, product
-from multiprocessing import get_context, parent_process
 from pathlib import Path
-from threading import Thread
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +24,6 @@ from deploy.scenario import load
 from deploy.trajectory import Floats, Trajectory, trajectory
 from deploy.twin import run_twin
 from plant_server.record import FELL
-from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError
 from protocol.states import State
 
 SCENARIO = "paper"
@@ -121,23 +115,6 @@ def grid(
     return found
 
 
-def run_cases(cases: Sequence[Case], on_result: Callable[[], object]) -> tuple[list[Result], bool]:
-    """Run cases on all cores; return the results, and whether they are all there.
-
-    They are not when a `StoppedError` comes up meanwhile. `on_result` is called after each.
-    """
-    results: list[Result] = []
-    workers = min(os.cpu_count() or 1, len(cases))
-    with get_context("spawn").Pool(workers, _begin_worker) as pool:
-        try:
-            for result in pool.imap_unordered(measure, cases):
-                results.append(result)
-                on_result()
-        except StoppedError:
-            return results, False
-    return results, True
-
-
 def measure(case: Case) -> Result:
     """Run one case in the twin."""
     run = _run(case)
@@ -199,19 +176,6 @@ def means(results: Iterable[Result]) -> Iterator[Mean]:
 
 
 _TOP = "TS"
-
-
-def _begin_worker() -> None:
-    """Leave it to the parent to answer a Ctrl-C, and end with it, however it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(ExitCode.STOPPED)
-
-    Thread(target=watch, daemon=True).start()
 
 
 def _run(case: Case) -> Trajectory:

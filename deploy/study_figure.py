@@ -15,8 +15,8 @@ from matplotlib.ticker import PercentFormatter
 
 from deploy.drawing import INK, LINK_COLOURS, LINK_STYLES
 from deploy.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
+from deploy.measure_theory import several_enabled
 from deploy.study import LOSSES, STANDING_FROM_S, Mean
-from deploy.trajectory import Floats
 
 HEIGHT_IN = 2.7
 MARKERS = "osD^vP"
@@ -47,14 +47,6 @@ def loss_figure(rows: Sequence[Mean], stem: Path) -> list[Path]:
         for path, ending in zip(paths, ENDINGS, strict=True):
             figure.savefig(path, metadata=FORMATS[ending])
         return paths
-
-
-def several_enabled(loss: Floats, *, ends: bool) -> Floats:
-    """Closed form for a line of three and R = 2: the probability that several are enabled.
-
-    With `ends`, maximum and runner-up sit at the two ends; else one of them is in the middle.
-    """
-    return 1.0 - (1.0 - loss) ** 2 if ends else 1.0 - (1.0 - loss**2) ** 2
 
 
 def draw_agreement(axes: Axes, rows: Sequence[Mean]) -> None:

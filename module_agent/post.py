@@ -37,11 +37,11 @@ class Post:
         """Frames of each neighbour. They wake nobody: without an observation they are no use."""
         self._neighbours = config.neighbour_joints
         joint, alive = config.joint, session.liveliness()
-        self._torque = self._publisher(keys.torque(rig, joint))
-        self._stalled = self._publisher(keys.stalled(rig, joint))
-        self._timing = self._publisher(keys.timing(rig, joint))
+        self._torque = publisher(session, keys.torque(rig, joint))
+        self._stalled = publisher(session, keys.stalled(rig, joint))
+        self._timing = publisher(session, keys.timing(rig, joint))
         self._links = [
-            self._publisher(keys.link(rig, joint, neighbour))
+            publisher(session, keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
         ]
         self._declared = [
@@ -83,7 +83,7 @@ class Post:
     @property
     def records(self) -> bool:
         """Whether a plant wants to know when this board did what."""
-        return self._is_up(self._timing)
+        return is_up(self._timing)
 
     def report_stall(self, payload: bytes) -> None:
         """Tell the plant that a neighbour's frame is missing."""
@@ -100,7 +100,7 @@ class Post:
 
     def links_up(self) -> list[bool]:
         """For each link, whether what is said on it is heard at the other end."""
-        return [self._is_up(link) for link in self._links]
+        return [is_up(link) for link in self._links]
 
     def forget(self) -> None:
         """Throw away what has come and was not looked at."""
@@ -113,15 +113,18 @@ class Post:
         put = self.events.put
         return zenoh.handlers.Callback(lambda content: put((kind, content)), indirect=False)
 
-    def _publisher(self, key: str) -> zenoh.Publisher:
-        return self.session.declare_publisher(
-            key,
-            express=True,
-            priority=zenoh.Priority.REAL_TIME,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
 
-    @staticmethod
-    def _is_up(publisher: zenoh.Publisher) -> bool:
-        status: Any = publisher.matching_status  # The stub calls it a bool; it is an object.
-        return bool(status.matching)
+def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Declare what a board says every tick: at once, before anything else, and never dropped."""
+    return session.declare_publisher(
+        key,
+        express=True,
+        priority=zenoh.Priority.REAL_TIME,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+    )
+
+
+def is_up(link: zenoh.Publisher) -> bool:
+    """Whether what is said on a link is heard at its other end."""
+    status: Any = link.matching_status  # The stub calls it a bool; it is an object.
+    return bool(status.matching)

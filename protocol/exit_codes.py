@@ -26,6 +26,8 @@ class ExitCode(IntEnum):
     """The plant has given this board's joint to another process."""
     REFUSED = 8
     """A command that a running robot cannot carry out."""
+    UNFIT = 9
+    """`decmesh doctor` found something on this machine that does not work."""
     STOPPED = 130
     """Ctrl-C, SIGTERM, or the process that started this one is gone."""
 

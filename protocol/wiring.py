@@ -6,6 +6,7 @@ pair dials (zenoh issue 2806): the upper board dials the lower one, every board 
 """
 
 import os
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -76,6 +77,15 @@ def board_session(rig: Rig, board: int, *, listens: bool = True) -> dict[str, An
         listen=[rig.endpoint(1 + board)] if listens else [],
         dial=dial,
         sessions_max=degree + SPARE_SESSIONS_BOARD,
+    )
+
+
+def elector_session(rig: Rig, board: int, near: Sequence[int]) -> dict[str, Any]:
+    """Zenoh configuration of a board without a plant: it dials its neighbours of lower index."""
+    return _config(
+        listen=[rig.endpoint(1 + board)],
+        dial=[rig.endpoint(1 + other) for other in near if other < board],
+        sessions_max=len(near) + SPARE_SESSIONS_BOARD,
     )
 
 

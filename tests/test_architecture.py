@@ -15,13 +15,14 @@ SCRATCH = {"runs", "build", "__pycache__"}
 """What using the project leaves at the top level."""
 
 RUNTIMES = {
+    "module_agent/elector_runtime.py",
     "module_agent/post.py",
     "module_agent/runtime.py",
     "plant_server/__main__.py",
     "plant_server/post.py",
     "plant_server/runtime.py",
 }
-TALKS_TO_A_RIG = {"deploy/live.py"}
+TALKS_TO_A_RIG = {"deploy/live.py", "deploy/zenoh_echo.py"}
 """Modules of `deploy` that may open a Zenoh session."""
 IMPURE = {
     *RUNTIMES,
@@ -106,7 +107,10 @@ def test_pure_code_has_no_clock_no_chance_and_no_network(clock_or_chance: str) -
     assert found <= IMPURE
 
 
-@pytest.mark.parametrize("module", ["module_agent.runtime", "module_agent.__main__"])
+@pytest.mark.parametrize(
+    "module",
+    ["module_agent.runtime", "module_agent.__main__", "module_agent.elector_runtime"],
+)
 def test_a_board_process_loads_nothing_heavy(module: str) -> None:
     """A microcontroller's worth of libraries: it starts in well under 0.2 s."""
     code = f"import sys, {module}; print(*sorted({{m.partition('.')[0] for m in sys.modules}}))"

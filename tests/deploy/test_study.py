@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from deploy.all_cores import work_off
+from deploy.measure_theory import several_enabled
 from deploy.study import (
     Case,
     Mean,
@@ -17,10 +19,9 @@ from deploy.study import (
     grid,
     means,
     measure,
-    run_cases,
     write_csv,
 )
-from deploy.study_figure import loss_figure, several_enabled
+from deploy.study_figure import loss_figure
 from deploy.study_table import loss_table
 from protocol.process import StoppedError
 from protocol.scenario import ScenarioError
@@ -30,7 +31,7 @@ SMALL = grid(seeds=2, duration_s=0.3, losses=(0.0, 0.5), rounds=(2, 8))
 
 @pytest.fixture(scope="module")
 def results() -> list[Result]:
-    found, complete = run_cases(SMALL, lambda: None)
+    found, complete = work_off(measure, SMALL, lambda _result: None)
     assert complete
     return found
 
@@ -112,13 +113,13 @@ def test_a_run_that_ends_before_it_stands_has_no_figure_for_it(results: list[Res
 def test_what_is_done_when_it_is_stopped_is_kept(tmp_path: Path) -> None:
     done = 0
 
-    def stop_after_two() -> None:
+    def stop_after_two(_result: Result) -> None:
         nonlocal done
         done += 1
         if done == 2:
             raise StoppedError
 
-    found, complete = run_cases(SMALL, stop_after_two)
+    found, complete = work_off(measure, SMALL, stop_after_two)
     assert not complete
     assert len(found) == 2
     write_csv(found, tmp_path / "loss.csv")

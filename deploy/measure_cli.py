@@ -1,0 +1,227 @@
+"""Commands that measure one thing on purpose: `decmesh measure consensus`, `measure te`."""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from deploy import machine
+from deploy import run as runs
+from deploy.all_cores import work_off
+from deploy.failure import FailedError
+from deploy.scenario import load
+from deploy.terminal import (
+    JsonOption,
+    OutOption,
+    SetOption,
+    err,
+    out,
+    print_files,
+    print_json,
+    print_table,
+    progress,
+)
+from protocol.exit_codes import ExitCode
+from protocol.process import StoppedError
+
+if TYPE_CHECKING:
+    from deploy.measure_network import Case, Played
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="One thing on purpose: the consensus, or what T_e decides.",
+)
+Value = TypeVar("Value")
+
+
+@app.command()
+def consensus(
+    boards: Annotated[str, typer.Option(metavar="N,N,…", help="How many boards.")] = "3,5,10,20,50",
+    graph: Annotated[
+        str, typer.Option(metavar="NAME,…", help="Who hears whom: line, ring, tree, random.")
+    ] = "line,ring,tree,random",
+    loss: Annotated[
+        str, typer.Option(metavar="P,P,…", help="Share of all frames that is lost, 0 to 0.9.")
+    ] = "0,0.1,0.3",
+    epochs: Annotated[int, typer.Option(min=1, help="Elections of each case.")] = 1000,
+    rounds: Annotated[
+        int | None,
+        typer.Option(min=1, help="R: rounds until the boards latch; default: the diameter."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of urgencies, losses and random graphs.")] = 1,
+    processes: Annotated[
+        bool, typer.Option("--processes", help="A process per board over Zenoh: wall time too.")
+    ] = False,
+    out_folder: OutOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """The boards' consensus by itself: rounds, agreement, latency.
+
+    Boards without a body elect; their urgencies are drawn from the seed. In
+    the twin there can be thousands; as processes, as many as there is room for.
+
+    Example: decmesh measure consensus --boards 3,10,100 --loss 0,0.2
+    """
+    from deploy import measure_consensus as measuring  # noqa: PLC0415 - numpy, needed only now
+
+    try:
+        cases = measuring.grid(
+            boards=_numbers(boards, int, "--boards", "3,5,10"),
+            graphs=graph.replace(" ", "").split(","),
+            losses=_numbers(loss, float, "--loss", "0,0.1"),
+            rounds=rounds,
+            epochs=epochs,
+            seed=seed,
+        )
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if processes:
+        cases = _that_fit(cases)
+    folder = runs.new_folder(out_folder, "measure-consensus")
+    played, complete = (_in_processes if processes else _in_twin)(cases)
+    if any(epochs for _, epochs in played):
+        _tell_consensus(cases, played, folder, complete=complete, as_json=as_json)
+    if not complete:
+        done = sum(len(epochs) for _, epochs in played)
+        err.print(f"{done} of {sum(case.epochs for case in cases)} epochs were played")
+        raise StoppedError
+
+
+@app.command()
+def te(
+    values: Annotated[
+        str, typer.Option(metavar="S:S or S,S,…", help="T_e in seconds: a range, or one by one.")
+    ] = "0.02:1",
+    settings: SetOption = None,
+    out_folder: OutOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """What the election period T_e does to the paper's Table II.
+
+    The paper does not print its T_e. Here each value is a run of its
+    experiment in the twin; one run without elections is put beside them.
+
+    Example: decmesh measure te --values 0.05,0.1,0.2
+    """
+    from deploy import measure_te as measuring  # noqa: PLC0415 - as above
+    from deploy.measure_te_figure import te_figure  # noqa: PLC0415 - as above
+    from deploy.measure_te_table import te_table  # noqa: PLC0415 - as above
+
+    usual = load(measuring.SCENARIO, settings or []).values
+    tick_s: float = usual["run"]["tick_s"]
+    try:
+        periods_s = measuring.periods_s(values, tick_s=tick_s)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--values") from error
+    cases = measuring.grid(periods_s, settings or [])
+    folder = runs.new_folder(out_folder, "measure-te")
+    with progress("measure te", len(cases)) as advance:
+        results, complete = work_off(measuring.measure, cases, lambda _result: advance(1))
+    results = measuring.in_order(results)
+    if results:
+        files = [folder / measuring.CSV]
+        measuring.write_csv(results, files[0])
+        files += te_figure(results, usual["election"]["period_ticks"] * tick_s, folder / "te")
+        if as_json:
+            found = [{"period_s": period_s, **summary} for period_s, summary in results]
+            print_json({"complete": complete, "runs": found, "files": files})
+        else:
+            print_table(te_table(results))
+            print_files(files)
+    if not complete:
+        err.print(f"{len(results)} of {len(cases)} runs were done")
+        raise StoppedError
+
+
+def _numbers(text: str, read: Callable[[str], Value], option: str, example: str) -> list[Value]:
+    try:
+        return list(dict.fromkeys(map(read, text.split(","))))
+    except ValueError as error:
+        line = f"{text!r}: write numbers with commas between them, like {example}"
+        raise typer.BadParameter(line, param_hint=option) from error
+
+
+def _that_fit(cases: "Sequence[Case]") -> "list[Case]":
+    """Leave out, and say so, what this machine cannot run as processes."""
+    from deploy import measure_processes  # noqa: PLC0415 - as above
+
+    most = measure_processes.boards_max()
+    large = dict.fromkeys(str(case.boards) for case in cases if case.boards > most)
+    if large:
+        line = (
+            f"{', '.join(large)} boards are too many processes for this machine, which takes {most}"
+            f" ({machine.cores()} cores, {machine.free_memory_mb() or '?'} MB free)"
+        )
+        if len(large) == len({case.boards for case in cases}):
+            raise FailedError(ExitCode.BAD_INPUT, f"{line}; leave --processes away")
+        err.print(f"{line}; left out", highlight=False, soft_wrap=True)
+    return [case for case in cases if case.boards <= most]
+
+
+def _in_twin(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
+    from deploy import measure_network as network  # noqa: PLC0415 - as above
+
+    pieces = network.pieces(cases)
+    with progress("consensus", sum(case.epochs * case.boards for case in cases)) as advance:
+        return work_off(
+            network.play,
+            pieces,
+            lambda played: advance(len(played.epochs) * played.case.boards),
+        )
+
+
+def _in_processes(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
+    from deploy import measure_processes  # noqa: PLC0415 - as above
+    from deploy.measure_network import Played  # noqa: PLC0415 - as above
+
+    played = [Played(case, []) for case in cases]
+    costs = {case: case.boards * case.period_ticks for case in cases}
+    with progress("consensus", sum(costs[case] * case.epochs for case in cases)) as advance:
+        try:
+            for case, epochs in played:
+                with closing(measure_processes.play(case)) as playing:
+                    for epoch in playing:
+                        epochs.append(epoch)
+                        advance(costs[case])
+        except StoppedError:
+            return played, False
+    return played, True
+
+
+def _tell_consensus(
+    cases: "Sequence[Case]",
+    played: "Sequence[Played]",
+    folder: Path,
+    *,
+    complete: bool,
+    as_json: bool,
+) -> None:
+    from deploy import measure_consensus, measure_table, measure_theory  # noqa: PLC0415 - as above
+    from deploy.measure_figure import consensus_figure  # noqa: PLC0415 - as above
+
+    rows = list(measure_consensus.rows(cases, played))
+    by_case = measure_consensus.by_case(cases, played)
+    beside = [
+        line
+        for case, epochs in by_case.items()
+        if measure_theory.applies(case)
+        for line in measure_theory.beside(case, epochs)
+    ]
+    files = [folder / measure_consensus.CSV]
+    measure_consensus.write_csv(rows, files[0])
+    files += consensus_figure(rows, folder / "consensus")
+    if as_json:
+        found = {"complete": complete, "cases": rows, "line_of_three": beside}
+        print_json({**found, "files": files})
+        return
+    print_table(measure_table.rounds_table(rows))
+    out.print(measure_table.LEGEND, style="dim", highlight=False, soft_wrap=True)
+    if any(row.wall_ms.p50 is not None for row in rows):
+        print_table(measure_table.wall_table(rows))
+        out.print()
+    if beside:
+        print_table(measure_table.theory_table(beside))
+        out.print()
+    print_files(files)

@@ -1,0 +1,58 @@
+"""Commands that run many twins over a grid of cases: `decmesh study loss`."""
+
+from typing import Annotated
+
+import typer
+
+from deploy import live_cli
+from deploy import run as runs
+from deploy.all_cores import work_off
+from deploy.terminal import (
+    JsonOption,
+    OutOption,
+    err,
+    print_files,
+    print_json,
+    print_table,
+    progress,
+)
+from protocol.process import StoppedError
+
+app = typer.Typer(
+    no_args_is_help=True, help="Many runs of the twin, summed up: what lost frames do."
+)
+
+
+@app.command()
+def loss(
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each loss and R.")] = 5,
+    duration: Annotated[str, typer.Option(help="Of each run, such as 10s.")] = "10s",
+    out_folder: OutOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Lose 0 to 50 % of all frames: agreement and balance.
+
+    Each loss is run with 2 to 8 consensus rounds, and with several seeds.
+
+    Example: decmesh study loss --seeds 2
+    """
+    from deploy import study as studies  # noqa: PLC0415 - numpy and matplotlib, needed only now
+    from deploy import study_figure  # noqa: PLC0415 - as above
+    from deploy.study_table import loss_table  # noqa: PLC0415 - as above
+
+    cases = studies.grid(seeds=seeds, duration_s=live_cli.quantity(duration, "time"))
+    folder = runs.new_folder(out_folder, "study-loss")
+    with progress("study loss", len(cases)) as advance:
+        results, complete = work_off(studies.measure, cases, lambda _result: advance(1))
+    rows = list(studies.means(results))
+    if rows:
+        studies.write_csv(results, folder / studies.CSV)
+        files = [folder / studies.CSV, *study_figure.loss_figure(rows, folder / "loss")]
+        if as_json:
+            print_json({"complete": complete, "means": rows, "files": files})
+        else:
+            print_table(loss_table(rows))
+            print_files(files)
+    if not complete:
+        err.print(f"{len(results)} of {len(cases)} runs were done")
+        raise StoppedError

@@ -1,0 +1,75 @@
+"""How decmesh speaks to who runs it: results on standard output, the way there on standard error.
+
+Rule 1: what is piped has no colours, no bars and no line that a program would trip over.
+Rule 2: with `--json`, standard output holds one JSON value and nothing else.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+out, err = Console(), Console(stderr=True)
+WIDTH_MAX = 500
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. run.duration_s=2."),
+]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the results; default: a new one in runs/.")
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print the same as JSON, and nothing else.")
+]
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON value; what is no number is null, tuples with names are objects."""
+    print(json.dumps(_plain(value), indent=2, allow_nan=False, ensure_ascii=False))
+
+
+def print_table(table: Table) -> None:
+    """Print a table in its own width, also where that is more than a terminal has."""
+    natural = Console(width=WIDTH_MAX).measure(table).maximum
+    Console(width=max(out.width, natural)).print(table, soft_wrap=True)
+
+
+def print_files(paths: Iterable[Path]) -> None:
+    """Print where results are, a line each."""
+    for path in paths:
+        out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
+
+
+@contextmanager
+def progress(label: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show a bar with the time left while work goes on; yields what to call with work done."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left; Ctrl-C keeps what is done", style="dim"),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(label, total=total)
+        yield lambda done: bar.advance(task, done)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value

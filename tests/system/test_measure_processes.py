@@ -1,0 +1,115 @@
+"""Consensus measured with real processes: the same rounds as in the twin, and no process left."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from deploy.measure_consensus import grid
+from deploy.measure_network import Case, Network
+from deploy.measure_processes import play
+from deploy.processes import RunFailedError
+from protocol.exit_codes import ExitCode
+from tests.system.rig import alive, children_of, eventually
+
+EPOCHS = 60
+
+
+def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> Case:
+    (made,) = grid(
+        graphs=[graph], boards=[boards], losses=[loss], rounds=rounds, epochs=EPOCHS, seed=11
+    )
+    return made
+
+
+@pytest.mark.parametrize(
+    ("graph", "boards", "loss", "rounds"),
+    [("line", 3, 0.3, 2), ("ring", 4, 0.1, None), ("random", 5, 0.0, 1)],
+)
+def test_processes_count_the_same_rounds_as_the_twin(
+    graph: str, boards: int, loss: float, rounds: int | None
+) -> None:
+    """Lost frames, late agreement and several enabled boards too, epoch by epoch."""
+    wanted = case(graph, boards, loss, rounds=rounds)
+    network = Network(wanted)
+    with closing(play(wanted)) as epochs:
+        found = list(epochs)
+    assert [epoch._replace(wall_ms=None) for epoch in found] == [
+        network.play(number) for number in range(EPOCHS)
+    ]
+    times_ms = [epoch.wall_ms for epoch in found]
+    assert times_ms[0] is None, "boards were still arriving"
+    assert all(time_ms is not None and time_ms >= 0.0 for time_ms in times_ms[1:])
+
+
+def test_a_board_that_dies_ends_the_measurement_by_name_and_the_others_go() -> None:
+    wanted = case("line", 3, 0.0)._replace(epochs=10**6)
+    with closing(play(wanted)) as epochs:
+        next(epochs)
+        children = children_of(os.getpid())
+        assert len(children) == 3
+        victim = next(pid for pid in children if "--board\0001" in _words(pid))
+        os.kill(victim, signal.SIGKILL)
+        with pytest.raises(RunFailedError, match="board1 ended with code -9") as caught:
+            list(epochs)
+    assert caught.value.code == ExitCode.PEER_LOST
+    eventually(lambda: not any(map(alive, children)))
+
+
+def _words(pid: int) -> str:
+    return Path(f"/proc/{pid}/cmdline").read_text()
+
+
+def test_a_ctrl_c_keeps_what_is_done_and_leaves_no_process(tmp_path: Path) -> None:
+    options = ("--boards", "3", "--graph", "line,ring", "--loss", "0", "--epochs", "100000")
+    command = [sys.executable, "-m", "deploy", "measure", "consensus", "--processes", "--json"]
+    launcher = subprocess.Popen(
+        [*command, *options, "--out", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    eventually(lambda: len(children_of(launcher.pid)) == 3)
+    boards = children_of(launcher.pid)
+    eventually(lambda: any(_ticks(pid) > 50 for pid in boards))
+    os.killpg(launcher.pid, signal.SIGINT)
+    out, err = launcher.communicate(timeout=60)
+    assert launcher.returncode == ExitCode.STOPPED
+    assert not any(map(alive, boards))
+    assert re.fullmatch(r"\d+ of 200000 epochs were played\nstopped\n", err)
+    if out:  # It was not stopped before the first epoch.
+        told = json.loads(out)
+        assert told["complete"] is False
+        assert 0 < sum(case["epochs"] for case in told["cases"]) < 200_000
+        assert (tmp_path / "consensus.csv").exists()
+
+
+def _ticks(pid: int) -> int:
+    """CPU time that a process has used, in clock ticks."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return int(fields[11]) + int(fields[12])
+
+
+def test_a_taken_port_is_one_line() -> None:
+    who = ("--board", "0", "--neighbours", "1", "--boards", "2", "--rounds", "1")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        where = ("--base-port", str(port - 1))
+        board = subprocess.run(
+            [sys.executable, "-m", "module_agent.elector_runtime", *who, *where],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+    assert board.returncode == ExitCode.NO_NETWORK
+    assert re.match(rf"board0: cannot listen at tcp/127.0.0.1:{port}, choose", board.stderr)
+    assert len(board.stderr.splitlines()) == 1
