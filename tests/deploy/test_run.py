@@ -1,12 +1,17 @@
-"""A run has a folder of its own."""
+"""A run has a folder of its own, and leaves its recording there."""
 
+import resource
 import time
 from pathlib import Path
 
 import pytest
 
-from deploy.processes import RunFailedError
-from deploy.run import new_folder
+from deploy.processes import SPOOL, RunFailedError, Watch
+from deploy.run import new_folder, run
+from deploy.scenario import load
+from plant_server.record import COMPLETE
+from plant_server.spool import Spool, read_spool
+from protocol.exit_codes import ExitCode
 
 
 def test_runs_of_the_same_second_get_folders_of_their_own(
@@ -24,3 +29,37 @@ def test_a_folder_that_is_named_may_be_there_but_must_be_empty(tmp_path: Path) -
     (tmp_path / "mine").touch()
     with pytest.raises(RunFailedError, match="not empty"):
         new_folder(tmp_path, "paper")
+
+
+def in_twin(folder: Path, told: list[str], ticks: list[int]) -> Spool:
+    scenario = load("paper", ["run.duration_s=0.05"])
+    watch = Watch(on_tick=ticks.append, on_line=told.append)
+    assert run(scenario, folder, twin=True, watch=watch) == ExitCode.OK
+    return read_spool(folder / SPOOL)
+
+
+def test_the_twin_records_what_it_does_but_no_wall_times(tmp_path: Path) -> None:
+    ticks: list[int] = []
+    spool = in_twin(tmp_path, [], ticks)
+    assert [record.tick for record in spool.ticks] == ticks == list(range(-10, 50))
+    assert set(spool.walls) == {None}
+    assert spool.timings == []
+    assert spool.facts["mode"] == "twin"
+    assert spool.outcome is not None
+    assert (spool.outcome.ending, spool.complete) == (COMPLETE, True)
+
+
+def test_a_full_disk_is_told_and_the_twin_goes_on(tmp_path: Path) -> None:
+    told: list[str] = []
+    ticks: list[int] = []
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(ValueError, match="no complete chunk"):
+            in_twin(tmp_path, told, ticks)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    (line,) = told
+    assert line.startswith("recording ")
+    assert "File too large" in line
+    assert ticks[-1] == 49
