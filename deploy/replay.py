@@ -16,7 +16,7 @@ from module_agent.link_model import Fate, LinkModel
 from plant_server.agenda import Agenda
 from plant_server.record import TickRecord
 from protocol.commands import Command
-from protocol.frames import Observation
+from protocol.frames import Observation, TorqueFrame, decode
 from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
@@ -82,6 +82,8 @@ class Replay(Twin):
     def play(self, recorded: TickRecord) -> Played:
         """Play the next tick. Raises `UnplayableError` when its events are none."""
         lockstep = self.lockstep
+        if not self.everybody:
+            self._name(recorded)
         for event in recorded.events:
             if event[0] not in MIDWAY | CONSEQUENCES:
                 self._before(event)
@@ -121,6 +123,11 @@ class Replay(Twin):
             for neighbour, payload in zip(sender.config.neighbours, payloads, strict=True):
                 links[sender.config.index, neighbour] = payload
         return told, links
+
+    def _name(self, recorded: TickRecord) -> None:
+        """Call the run what it was called: a plant that is started again chooses another name."""
+        for answer in filter(None, recorded.answers):
+            self.run_id = self.lockstep.run_id = decode(TorqueFrame, answer).run_id
 
     def _before(self, event: list[Any]) -> None:
         """Carry out what happened between two ticks."""

@@ -21,6 +21,7 @@ from tests.system.rig import (
     Rig,
     alive,
     children_of,
+    decmesh,
     eventually,
     recorded_ticks,
     said,
@@ -122,6 +123,7 @@ def test_boards_started_by_hand_wait_for_another_plant(make_rig: Callable[..., R
     answers = read_spool(rig.folder / "run.spool").ticks[-1].answers
     names = {decode(TorqueFrame, answer).run_id for answer in answers}
     assert names == {next_run_id(run_id(rig.scenario.digest))}
+    assert decmesh("replay", str(rig.folder)).returncode == 0
 
 
 def test_boards_started_by_hand_give_up_when_no_plant_comes_back(
