@@ -1,0 +1,175 @@
+"""Commands that run robots: `decmesh paper`, `decmesh run`."""
+
+from argparse import ArgumentTypeError
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deploy import run as runs
+from deploy.processes import SPOOL, RunFailedError, Watch
+from deploy.progress import ticks_shown
+from deploy.scenario import load
+from deploy.scenario_cli import ScenarioArgument
+from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json
+from protocol.durations import duration_s
+from protocol.exit_codes import ExitCode
+from protocol.process import StoppedError
+from protocol.scenario import ResolvedScenario
+
+if TYPE_CHECKING:
+    from deploy.results import Concluded
+
+RECOVER = "decmesh recover {} makes run.mcap of what was recorded"
+
+
+def _checked_time(text: str | None) -> str | None:
+    try:
+        if text is not None:
+            duration_s(text)
+    except ArgumentTypeError as error:
+        raise typer.BadParameter(str(error)) from error
+    return text
+
+
+SeedOption = Annotated[int | None, typer.Option(help="Seed of everything random (run.seed).")]
+TwinOption = Annotated[
+    bool, typer.Option("--twin", help="In one process instead: the same trajectory to the bit.")
+]
+PatienceOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TIME",
+        callback=_checked_time,
+        help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
+    ),
+]
+
+
+def paper(
+    twin: TwinOption = False,
+    settings: SetOption = None,
+    out_folder: OutOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """The paper's experiment: Table II beside ours, and figures.
+
+    With both controllers: the original, where all boards move, and the
+    distributed, where they elect the one that moves.
+
+    Example: decmesh paper
+    """
+    scenarios = [
+        load("paper", [*(settings or []), f"election.enabled={elects}"])
+        for elects in ("false", "true")
+    ]
+    folder = runs.new_folder(out_folder, "paper")
+    parts = [runs.new_folder(folder / name, name) for name in ("original", "distributed")]
+    codes = [
+        _run(scenario, part, twin=twin, label=part.name)
+        for scenario, part in zip(scenarios, parts, strict=True)
+    ]
+    from deploy import results  # noqa: PLC0415 - numpy and matplotlib, needed only now
+
+    original, distributed = (
+        _conclude(part, code, twin=twin) for part, code in zip(parts, codes, strict=True)
+    )
+    files = results.paper_figures(original.trajectory, distributed.trajectory, folder)
+    summaries = {"original": original.summary, "distributed": distributed.summary}
+    if as_json:
+        print_json({**summaries, "files": files})
+    else:
+        out.print(results.table(list(summaries.values())))
+        print_files(files)
+    raise typer.Exit(max(codes))
+
+
+def run(
+    scenario: ScenarioArgument,
+    twin: TwinOption = False,
+    seed: SeedOption = None,
+    settings: SetOption = None,
+    out_folder: OutOption = None,
+    as_json: JsonOption = False,
+    patience: PatienceOption = None,
+) -> None:
+    """One scenario, in processes over Zenoh or as a twin.
+
+    A plant and a board for each joint, in lockstep. What came out is in summary.json.
+
+    Example: decmesh run paper --set run.duration_s=2 --out short
+    """
+    overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
+    resolved = load(scenario, overrides)
+    name: str = resolved.values["name"]
+    folder = runs.new_folder(out_folder, name)
+    options = [] if patience is None else ["--patience", patience]
+    code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
+    concluded = _conclude(folder, code, twin=twin)
+    if as_json:
+        print_json(concluded.summary)
+    else:
+        from deploy import results  # noqa: PLC0415 - as above
+
+        out.print(results.table([concluded.summary]))
+        print_files(concluded.files)
+    raise typer.Exit(code)
+
+
+def _run(
+    scenario: ResolvedScenario,
+    folder: Path,
+    *,
+    twin: bool,
+    label: str,
+    plant_options: Sequence[str] = (),
+) -> int:
+    """Run with a progress bar; return the exit code of a run that came to an end of its own."""
+    with ticks_shown(err, label, scenario.values) as on_tick:
+        watch = Watch(on_tick, _tell)
+        with _keeping(folder):
+            return runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
+
+
+def _conclude(folder: Path, code: int, *, twin: bool) -> "Concluded":
+    """Sum up a run that ended with a code, and make its `run.mcap`.
+
+    That this file cannot be made is worth a line, and no more.
+    """
+    from deploy import results  # noqa: PLC0415 - as above
+
+    try:
+        concluded = results.conclude(folder, "twin" if twin else "processes")
+    except OSError as error:
+        line = f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}"
+        raise RunFailedError(ExitCode.NO_OUTPUT, line) from error
+    if concluded is None:
+        ended = code in (ExitCode.OK, ExitCode.FELL)  # Else nobody was left to say how.
+        line = f"the recording does not say how the run ended; {RECOVER.format(folder)}"
+        raise RunFailedError(ExitCode.NO_OUTPUT if ended else ExitCode.PEER_LOST, line)
+    try:
+        with _keeping(folder), ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
+            return results.keep(concluded, folder, on_tick)
+    except OSError as error:
+        _tell(f"cannot write run.mcap: {error.strerror}; {RECOVER.format(folder)}")
+    return concluded
+
+
+@contextmanager
+def _keeping(folder: Path) -> Iterator[None]:
+    """Say what can be made of a run that is stopped in the middle."""
+    try:
+        yield
+    except StoppedError:
+        if (folder / SPOOL).exists():
+            _tell(RECOVER.format(folder))
+        raise
+
+
+def _tell(line: str) -> None:
+    err.print(line, highlight=False, soft_wrap=True)
+
+
+ALL = (paper, run)
