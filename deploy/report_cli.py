@@ -4,19 +4,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from deploy import run as places
 from deploy.failure import FailedError
+from deploy.terminal import JsonOption, err, out, print_files, print_json
 from protocol.exit_codes import ExitCode
-
-out, err = Console(), Console(stderr=True)
 
 
 def report(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR", help="Folders of runs, or their run.mcap.", exists=True),
+        typer.Argument(metavar="DIR", help="Folders of runs, or their run.mcap."),
     ],
     epoch: Annotated[
         int | None,
@@ -28,8 +26,11 @@ def report(
             "--out", help="Where to write; default: beside the run; of several: a new folder."
         ),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Write report.html about a run, or about several side by side, and its figures beside it.
+    """A page about a run, or about several side by side.
+
+    Writes report.html, which needs nothing else, and its figures beside it.
 
     Example: decmesh report runs/storm-20260101-120000 --epoch 12
     """
@@ -45,7 +46,10 @@ def report(
         except OSError as error:
             line = f"cannot write to {folder}: {error.strerror}; choose another --out"
             raise FailedError(ExitCode.NO_OUTPUT, line) from error
-    out.print(str(page), soft_wrap=True, highlight=False)
+    if as_json:
+        print_json({"report": page, "figures": pictures})
+        return
+    print_files([page])
     beside = f"{len(pictures)} picture files in {pictures[0].parent}"
     out.print(f"[dim]{beside}[/dim]", soft_wrap=True, highlight=False)
 
