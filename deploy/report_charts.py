@@ -47,16 +47,6 @@ FATE_LOOKS: dict[Fate, dict[str, Any]] = {
     Fate.VOID: {"facecolor": "white", "edgecolor": "0.55", "hatch": "....."},
     Fate.PENDING: {"color": "0.7"},
 }
-FATE_NAMES = {
-    Fate.HEARD: "heard",
-    Fate.LATE: "late",
-    Fate.LOST: "lost",
-    Fate.CORRUPT: "damaged",
-    Fate.CUT: "link cut",
-    Fate.NOBODY: "nobody there",
-    Fate.VOID: "void",
-    Fate.PENDING: "recording ends",
-}
 
 
 class Group(NamedTuple):
@@ -169,7 +159,7 @@ def fates(links: Sequence[LinkCounts], joints: Sequence[str]) -> Figure:
     left = np.zeros(len(links))
     for fate in used:
         share = np.array([link.fates[fate] / max(link.sent, 1) for link in links])
-        name, look = FATE_NAMES[fate], FATE_LOOKS[fate]
+        name, look = fate.name.lower(), FATE_LOOKS[fate]
         axes.barh(range(len(links)), share, 0.74, left, label=name, linewidth=0.0, **look)
         left += share
     axes.set_xlim(0.0, 1.0)

@@ -187,6 +187,8 @@ def _about_a_board(what: str, rest: list[Any]) -> str:
             words = f"admitted, incarnation {incarnation}"
         case "gone", [why]:
             words = f"gone: {why}"
+        case "gone_midway", [why]:
+            words = f"gone in the middle of the tick: {why}"
         case "energy_lost_j", [float(lost_j)]:
             words = f"joint braked, which took {lost_j:.3g} J"
         case "unplug" | "plug", []:

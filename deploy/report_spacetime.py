@@ -28,15 +28,15 @@ LETTER_IN = 0.055
 """Width of a letter of a label, about."""
 BROKEN_AT = 0.4
 """Where a lost frame ends on its way: not half way, where those of both directions meet."""
-BEYOND = 0.55
-"""How far past the last round the picture goes, in ticks."""
+BEYOND_MAX = 0.55
+"""How far past the last round the picture goes, in ticks; less where there are few rounds."""
 MARKS = {
-    Fate.LOST: ("x", "lost"),
-    Fate.CORRUPT: ("s", "damaged"),
-    Fate.CUT: ("|", "link cut"),
-    Fate.NOBODY: ("o", "nobody there"),
-    Fate.VOID: ("D", "void"),
-    Fate.PENDING: (">", "recording ends"),
+    Fate.LOST: "x",
+    Fate.CORRUPT: "s",
+    Fate.CUT: "|",
+    Fate.NOBODY: "o",
+    Fate.VOID: "D",
+    Fate.PENDING: ">",
 }
 GREY = "0.6"
 
@@ -58,6 +58,11 @@ class Scene(NamedTuple):
     def rounds(self) -> int:
         """How many rounds were played."""
         return int(self.epochs.latch_tick[self.row]) - self.first_tick
+
+    @property
+    def right(self) -> float:
+        """Where the picture ends, in rounds."""
+        return self.rounds + min(BEYOND_MAX, 0.12 * self.rounds)
 
     @property
     def joints(self) -> list[str]:
@@ -105,7 +110,7 @@ def spacetime(scene: Scene) -> Figure:
             row_in * boards / height_in,
         )
     )
-    axes.set(xlim=(-0.12, scene.rounds + BEYOND), ylim=(-0.5, boards - 0.5))
+    axes.set(xlim=(-0.06 * scene.right, scene.right), ylim=(-0.5, boards - 0.5))
     for board in range(boards):
         _draw_board(axes, scene, board)
     used = [
@@ -143,7 +148,7 @@ def _draw_board(axes: Axes, scene: Scene, board: int) -> None:
         if round_ > 0 and candidate != before:
             w_deg = np.degrees(trajectory.urgency[tick, board])
             axes.annotate(
-                _fitting([f"{joints[candidate]} {w_deg:.3g}°", joints[candidate]], scene.rounds),
+                _fitting([f"{joints[candidate]} {w_deg:.3g}°", joints[candidate]], scene),
                 (round_, board),
                 (0.0, 6.0 if board else -11.5),  # Below the lowest line there are no arrows.
                 textcoords="offset points",
@@ -156,9 +161,9 @@ def _draw_board(axes: Axes, scene: Scene, board: int) -> None:
         before = candidate
 
 
-def _fitting(labels: Sequence[str], rounds: int) -> str:
+def _fitting(labels: Sequence[str], scene: Scene) -> str:
     """The first of some labels that is no wider than a round; none: the colour says it too."""
-    letters = (WIDTH_IN - LEFT_IN - RIGHT_IN) / (rounds + BEYOND) / LETTER_IN
+    letters = (WIDTH_IN - LEFT_IN - RIGHT_IN) / scene.right / LETTER_IN
     return next((label for label in labels if len(label) <= letters), "")
 
 
@@ -180,11 +185,10 @@ def _draw_frames(
             way = np.array([1.0, receiver - sender])
             x, y = start + BROKEN_AT * way
             axes.plot([round_, x], [sender, y], color=colour, linewidth=0.9, zorder=2)
-            marker = MARKS[fate][0]
-            axes.plot(x, y, marker, color=INK, markersize=4.2, markeredgewidth=1.1, zorder=3)
+            axes.plot(x, y, MARKS[fate], color=INK, markersize=4.2, markeredgewidth=1.1, zorder=3)
             continue
         learned = _learned(scene, tick, sender, heard, receiver)
-        end = _clipped(start, np.array([heard, receiver], dtype=np.float64), scene.rounds + BEYOND)
+        end = _clipped(start, np.array([heard, receiver], dtype=np.float64), scene.right)
         axes.annotate(
             "",
             (float(end[0]), float(end[1])),
@@ -241,10 +245,11 @@ def _name_axes(axes: Axes, scene: Scene) -> None:
         if member:
             enabled = epochs.enabled[row, board]
             axes.text(
-                scene.rounds + BEYOND + 0.02,
+                1.01,
                 board,
                 "enabled" if enabled else "holds",
                 va="center",
+                transform=axes.get_yaxis_transform(),
                 size=7.0,
                 weight="bold" if enabled else "normal",
                 color=board_colour(board, len(scene.joints)) if enabled else "0.45",
@@ -269,13 +274,10 @@ def _draw_legend(axes: Axes, used: list[Fate]) -> None:
     lines.append(Line2D([], [], color=INK, linewidth=0.8, label="heard, known already"))
     if Fate.LATE in used:
         lines.append(Line2D([], [], color=INK, linewidth=0.8, linestyle=(0, (4, 2)), label="late"))
-    for fate, (marker, label) in MARKS.items():
+    for fate, marker in MARKS.items():
         if fate in used:
-            lines.append(
-                Line2D(
-                    [], [], color=INK, linestyle="none", marker=marker, markersize=4.2, label=label
-                )
-            )
+            lines.append(Line2D([], [], color=INK, linestyle="none", marker=marker, markersize=4.2))
+            lines[-1].set_label(fate.name.lower())
     axes.legend(
         handles=lines,
         loc="upper left",

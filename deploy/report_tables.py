@@ -23,6 +23,7 @@ def run_table(
     rows: Sequence[Row],
     *,
     last_is_text: bool = False,
+    notes: Sequence[tuple[str, str]] = (),
 ) -> Table:
     """Make a table whose first column names the run, where the report is of several."""
     several = len(runs) > 1
@@ -32,6 +33,7 @@ def run_table(
         reading,
         [*["run"] * several, *header],
         [[*[run.label] * several, *cells] for run, cells in rows],
+        notes=notes,
         texts=frozenset(texts),
     )
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from deploy import report_charts as charts
-from deploy.report_charts import FATE_NAMES, log_limits
+from deploy.recording import Fate
+from deploy.report_charts import log_limits
 from deploy.report_latency import Spread, spread, ways_ns
 from deploy.report_links import FATES
 from deploy.report_page import Block, Figure, Section, Table
@@ -20,6 +21,17 @@ from deploy.report_tables import (
 )
 from deploy.trajectory import Floats
 
+MEANINGS = {
+    Fate.HEARD: "used in the tick after it was said",
+    Fate.LATE: "used later",
+    Fate.LOST: "dropped by a fault of the link",
+    Fate.CORRUPT: "a bit was flipped on the way, and the receiver refused it",
+    Fate.CUT: "the link was cut",
+    Fate.NOBODY: "there was no board at the other end, or a new one",
+    Fate.VOID: "its sender died in that tick or right after it, or its receiver was told to go on"
+    " without it",
+    Fate.PENDING: "the recording ends before it was due",
+}
 NO_SHARED_CLOCK = (
     "No one-way times: the processes do not read one clock, as far as they say, so what a frame"
     " took from one to another cannot be told from their stamps."
@@ -110,11 +122,12 @@ def _links_table(runs: Sequence[Run], linked: Sequence[Run]) -> Table:
     return run_table(
         runs,
         "Frames of each directed link",
-        "Each frame sent has one fate, so the columns after it add up to sent; refused, by reason,"
-        " are frames that the receiver checked and found damaged or void, warm-up included.",
-        ["link", "sent", *(FATE_NAMES[fate] for fate in used), "bytes", "refused"],
+        "Each frame sent has one fate, so those columns add up to sent; refused, by reason, are"
+        " frames that the receiver checked and did not take, warm-up included.",
+        ["link", "sent", *(fate.name.lower() for fate in used), "bytes", "refused"],
         rows,
         last_is_text=True,
+        notes=[(fate.name.lower(), MEANINGS[fate]) for fate in used],
     )
 
 

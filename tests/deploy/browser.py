@@ -52,6 +52,8 @@ class Browser:
         self._unread = b""
         self._number = 0
         self._session: str | None = None
+        self.width = 0
+        """Of the window, in pixels."""
         self.events: list[dict[str, Any]] = []
 
     def __enter__(self) -> Self:
@@ -79,6 +81,7 @@ class Browser:
 
     def open(self, page: Path, width: int) -> None:
         """Load a file into a window of that width, until nothing is under way."""
+        self.width = width
         self.ask(
             "Emulation.setDeviceMetricsOverride",
             width=width, height=900, deviceScaleFactor=1, mobile=width < 600,

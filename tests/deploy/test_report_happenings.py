@@ -83,6 +83,7 @@ def test_healing_ends_faults_for_good() -> None:
         (["reference", 1, 0.05235987755982988], "knee: reference 3°"),
         (["unplug", 1], "knee: command unplug"),
         (["gone", 1, "died"], "knee: gone: died"),
+        (["gone_midway", 1, "died"], "knee: gone in the middle of the tick: died"),
         (["admitted", 1, 2], "knee: admitted, incarnation 2"),
         (["energy_lost_j", 1, 0.125], "knee: joint braked, which took 0.125 J"),
         (["sides", [[0], [2]]], "cut apart: ankle | hip"),
