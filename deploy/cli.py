@@ -159,10 +159,10 @@ def scenarios() -> None:
     Example: decmesh scenarios
     """
     for name in available():
-        line = f"{name:14} {load(name).values['description']}"
+        line = f"{name:15} {load(name).values['description']}"
         print(
             textwrap.fill(
-                line, SCENARIO_COLUMNS, subsequent_indent=" " * 15, break_on_hyphens=False
+                line, SCENARIO_COLUMNS, subsequent_indent=" " * 16, break_on_hyphens=False
             )
         )
 

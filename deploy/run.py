@@ -1,8 +1,9 @@
 """One run, in processes or in the twin, from a scenario to a folder with its results."""
 
+import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from itertools import count
 from pathlib import Path
 
@@ -79,11 +80,15 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     started = time.monotonic()
     stopped = None
     try:
-        for record in twin.run():
-            if record.tick == 0:
-                started = time.monotonic()
-            spool.append(record)
-            watch.on_tick(record.tick)
+        with redirect_stdout(sys.stderr):  # What a controller prints is none of our output.
+            for record in twin.run():
+                if record.tick == 0:
+                    started = time.monotonic()
+                spool.append(record)
+                watch.on_tick(record.tick)
+                for event in record.events:
+                    if event[0] == "fault":
+                        watch.on_line(_fault_line(twin, record.tick, event[1]))
     except StoppedError:
         stopped = "stopped"
     outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
@@ -94,3 +99,12 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
         return ExitCode.OK
     watch.on_line(fall_line(outcome, scenario.values["run"]["tick_s"]))
     return ExitCode.FELL
+
+
+def _fault_line(twin: Twin, tick: int, board: int) -> str:
+    """What a board process would have said of its failure."""
+    firmware = twin.boards[board]
+    assert firmware is not None
+    assert firmware.fault is not None
+    fault = firmware.fault
+    return f"{firmware.config.joint}: fault {fault.code} in tick {tick}\n{fault.trace}"

@@ -36,6 +36,8 @@ class Twin:
             firmware = self.boards[index]
             assert firmware is not None
             actuation = firmware.tick(firmware.read(payload))
+            for fault in actuation.faults:
+                lockstep.report(index, fault)
             lockstep.answer(index, actuation.torque)
             said.append((firmware, actuation.links))
         for sender, payloads in said:

@@ -31,6 +31,7 @@ class Post:
         joint, alive = config.joint, session.liveliness()
         self._torque = self._publisher(keys.torque(rig, joint))
         self._stalled = self._publisher(keys.stalled(rig, joint))
+        self._fault = self._publisher(keys.fault(rig, joint))
         self._links = [
             self._publisher(keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
@@ -58,6 +59,8 @@ class Post:
         # Neighbours first: their frames travel while the plant waits for the slowest torque.
         for link, payload in zip(self._links, actuation.links, strict=True):
             link.put(payload)
+        for payload in actuation.faults:
+            self._fault.put(payload)  # Before the torque, so that the tick is still open.
         self._torque.put(actuation.torque)
 
     def report_stall(self, payload: bytes) -> None:

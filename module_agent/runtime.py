@@ -5,33 +5,26 @@ That thread waits for one thing at a time: to be enrolled, for an observation, f
 frames of the tick before; then it ticks.
 """
 
-import json
 import math
 import os
 import sys
 import time
 from queue import Empty
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
-from module_agent.config import BoardConfig, board_config
+from module_agent.config import BoardConfig
 from module_agent.post import END, MATCHING, REPLY, Event, Post
+from module_agent.watchdog import Watchdog
 from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
 from protocol.exit_codes import ExitCode, refused
-from protocol.frames import (
-    VERSION,
-    End,
-    Observation,
-    ProtocolError,
-    Stalled,
-    decode,
-    encode,
-)
-from protocol.process import ignore_signals
+from protocol.frames import VERSION, End, Observation, ProtocolError, Stalled, decode, encode
 from protocol.scenario import ResolvedScenario
-from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
+from protocol.states import State, entered
+from protocol.storms import Refused, Storms
+from protocol.wiring import Rig
 
 ASK_EVERY_S = 0.1
 """How often a board that is not ticking yet asks the plant to be let in."""
@@ -58,36 +51,6 @@ class FinishedError(Exception):
     def __init__(self, code: int, line: str) -> None:
         super().__init__(line)
         self.code = code
-
-
-def serve(joint: str, scenario: ResolvedScenario) -> int:
-    """Run the board of a joint over Zenoh until its part is over; return the exit code.
-
-    Raises `protocol.process.StoppedError` when it is told to stop.
-    """
-    rig = rig_of(scenario.values)
-    config = board_config(scenario.values, joint)
-    set_runtime_threads()
-    trouble = None
-    try:
-        session = _open(board_session(rig, config.index))
-    except zenoh.ZError as error:
-        # Perhaps another process drives this joint already. The plant knows.
-        trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
-        session = _open(board_session(rig, config.index, listens=False))
-    with session:
-        try:
-            Runtime(session, config, scenario, rig, trouble=trouble).run()
-        except FinishedError as finished:
-            if finished.code != ExitCode.OK:
-                print(f"{joint}: {finished}", file=sys.stderr)
-            return finished.code
-        finally:
-            ignore_signals()
-
-
-def _open(config: dict[str, Any]) -> zenoh.Session:
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
 class Runtime:
@@ -120,11 +83,25 @@ class Runtime:
         self.post = Post(session, config, rig=rig.name, boot=self.boot)
         self._waiting_since = time.monotonic()
         self._told = ""
+        self._rounds = 0
+        self._storms = Storms()
+        self._waiting_state = State.BOOT
+
+    @property
+    def state(self) -> State:
+        """The firmware state, also while there is no board yet."""
+        return self._waiting_state if self.board is None else self.board.state
 
     def run(self) -> NoReturn:
         """Enrol, then tick until the run is over. Raises `FinishedError`."""
+        self._waiting_state = entered(self.state, State.ENROLLING)
         self._ask()
+        with Watchdog(lambda: self._rounds, self._report_stuck):
+            self._loop()
+
+    def _loop(self) -> NoReturn:
         while True:
+            self._rounds += 1
             try:
                 self._handle(self.post.events.get(timeout=self._patience_s()))
             except Empty:
@@ -133,6 +110,9 @@ class Runtime:
             if board is None:
                 continue
             self._hear(board)
+            now_s = time.monotonic()
+            if now_s > self._storms.due_s:
+                self._look_for_storms(board, now_s)
             if self.pending is not None and board.missing(self.pending) is None:
                 self._tick(board, self.pending)
 
@@ -152,6 +132,8 @@ class Runtime:
     def _tick(self, board: Board, observation: Observation) -> None:
         self.last = Spoken(observation.tick, board.tick(observation))
         self.post.say(self.last.actuation)
+        if self.last.actuation.faults and board.fault is not None:
+            self._tell(f"fault {board.fault.code} in tick {observation.tick}\n{board.fault.trace}")
         self.pending = None
         self._stall_told = False
         self._waiting_since = time.monotonic()
@@ -197,6 +179,8 @@ class Runtime:
     def _enrol_again(self, why: str) -> None:
         """Begin anew: what this board has seen so far means nothing any more."""
         self._tell(why)
+        if self.state is not State.ENROLLING:
+            self._waiting_state = entered(self.state, State.ENROLLING)
         self.board = self.pending = self.last = self._early = None
         self.post.forget()
         self._ask()
@@ -216,11 +200,7 @@ class Runtime:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
         if self.board is None:
-            self.board = Board(
-                self.config,
-                run_id=answer.run_id,
-                incarnation=answer.incarnation,
-            )
+            self.board = Board(self.config, run_id=answer.run_id, incarnation=answer.incarnation)
             if self._early is not None:
                 self._observe(self._early)
 
@@ -290,6 +270,26 @@ class Runtime:
             sender = self.config.neighbours[link]
             report = Stalled(board.run_id, board.incarnation, pending.tick, sender)
             self.post.report_stall(encode(report))
+
+    def _report_stuck(self, where: str) -> None:
+        """Say, from another thread, that this board does not come back from something."""
+        board, pending = self.board, self.pending
+        tick = "" if pending is None else f" in tick {pending.tick}"
+        self._tell(f"stuck{tick}, in {where}")
+        if board is not None and pending is not None:
+            report = Stalled(board.run_id, board.incarnation, pending.tick, self.config.index)
+            self.post.report_stall(encode(report))
+
+    def _look_for_storms(self, board: Board, now_s: float) -> None:
+        refused: Refused = {
+            "observations": board.refused,
+            **{
+                f"frames of {joint}": hearing.refused
+                for joint, hearing in zip(self.config.neighbour_joints, board.hearings, strict=True)
+            },
+        }
+        for storm in self._storms.look(now_s, board.next_tick or 0, refused):
+            self._tell(str(storm))
 
     def _tell(self, line: str) -> None:
         if line != self._told:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import zenoh
 
-from plant_server.record import COMPLETE, FELL, Outcome, fall_line
-from plant_server.runtime import STOPPED, Options, Runtime
+from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
+from plant_server.runtime import Options, Runtime
 from plant_server.spool import SpoolWriter
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode

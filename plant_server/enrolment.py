@@ -32,6 +32,11 @@ class Enrolment:
         self.run_id = run_id
         self.seats = [Seat() for _ in joints]
 
+    @property
+    def enrolled(self) -> set[int]:
+        """Boards that are let in, whether they take part already or not."""
+        return {board for board, seat in enumerate(self.seats) if seat.boot is not None}
+
     def decide(self, request: EnrolmentRequest) -> EnrolmentReply:
         """Let a board in, or say why not. Asking again changes nothing but `links_up`."""
         verdict, reason = self._verdict(request)

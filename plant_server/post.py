@@ -12,7 +12,7 @@ import zenoh
 from protocol import keys
 from protocol.wiring import Rig
 
-ENROL, ALIVE, CONTROL, STALLED = range(4)
+ENROL, ALIVE, CONTROL, STALLED, FAULT = range(5)
 Event = tuple[int, Any]
 """A kind, and what the network brought of it."""
 
@@ -35,6 +35,10 @@ class Post:
             *(session.declare_subscriber(key, put) for key in self.torque_keys),
             *(
                 session.declare_subscriber(keys.stalled(name, joint), self._left(STALLED))
+                for joint in joints
+            ),
+            *(
+                session.declare_subscriber(keys.fault(name, joint), self._left(FAULT))
                 for joint in joints
             ),
             session.declare_queryable(keys.ENROL, self._left(ENROL)),

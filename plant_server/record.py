@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 COMPLETE = "complete"
 FELL = "fell"
+STOPPED = "stopped"
+"""The endings of a run: it had its ticks, the body fell, it was told to stop."""
 
 
 class TickRecord(NamedTuple):

@@ -11,8 +11,11 @@ STOP_PATIENCE_S = 1.5
 """How long a process may take to close its session before it is ended from within."""
 
 
-class StoppedError(Exception):
-    """The user, or whoever started this process, wants it to end."""
+class StoppedError(BaseException):
+    """The user, or whoever started this process, wants it to end.
+
+    Not an `Exception`, so that nobody who handles those keeps it for himself.
+    """
 
 
 def stop_on_signals() -> None:

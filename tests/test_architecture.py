@@ -15,6 +15,7 @@ SCRATCH = {"runs", "build", "__pycache__"}
 """What using the project leaves at the top level."""
 
 RUNTIMES = {
+    "module_agent/__main__.py",
     "module_agent/post.py",
     "module_agent/runtime.py",
     "plant_server/__main__.py",
@@ -25,8 +26,8 @@ TALKS_TO_A_RIG = {"deploy/live.py"}
 """Modules of `deploy` that may open a Zenoh session."""
 IMPURE = {
     *RUNTIMES,
-    "module_agent/__main__.py",
-    "plant_server/__main__.py",
+    "plant_server/voice.py",  # Speaks for a process, not too often.
+    "module_agent/watchdog.py",  # Watches a process; no frame passes through it.
     "protocol/process.py",  # Ends a process; no frame passes through it.
 }
 LINES_MAX = 300

@@ -25,7 +25,13 @@ def test_keys_are_those_of_the_specification() -> None:
 def _all_keys(rig: str) -> list[str]:
     each = [
         f(rig, joint)
-        for f in (keys.observation, keys.torque, keys.stalled, lambda r, j: keys.alive(r, j, 1))
+        for f in (
+            keys.observation,
+            keys.torque,
+            keys.stalled,
+            keys.fault,
+            lambda r, j: keys.alive(r, j, 1),
+        )
         for joint in JOINTS
     ]
     links = [keys.link(rig, *pair) for pair in permutations(JOINTS, 2)]
@@ -71,5 +77,6 @@ def test_a_token_names_its_board(rig: str, joint: str, boot: int) -> None:
 
 @settings(deadline=None, derandomize=True)
 @given(NAMES, NAMES)
-def test_a_stall_names_its_board(rig: str, joint: str) -> None:
+def test_a_report_names_its_board(rig: str, joint: str) -> None:
     assert keys.joint_of(keys.stalled(rig, joint)) == joint
+    assert keys.joint_of(keys.fault(rig, joint)) == joint

@@ -17,6 +17,7 @@ from protocol.frames import (
     LAYOUTS,
     AnyFrame,
     End,
+    Fault,
     LinkFrame,
     LinkUse,
     Neighbour,
@@ -35,6 +36,7 @@ KINDS: dict[str, Any] = {
         TorqueFrame,
         End,
         Stalled,
+        Fault,
         EnrolmentRequest,
         EnrolmentReply,
     )
@@ -177,6 +179,7 @@ def test_every_key_is_in_the_table_of_the_specification() -> None:
         keys.torque("{rig}", "{joint}"),
         keys.link("{rig}", "{joint}", "{neighbour}"),
         keys.stalled("{rig}", "{joint}"),
+        keys.fault("{rig}", "{joint}"),
         keys.control("{rig}"),
         keys.end("{rig}"),
         keys.plant_alive("{rig}"),
