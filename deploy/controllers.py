@@ -31,13 +31,16 @@ def _reference(text: str) -> str:
 
 
 def _of_boards(named: Any) -> Any:
-    references = list(named.values()) if isinstance(named, dict) else [named]
-    for reference in references:
-        if not isinstance(reference, str):
-            raise ValueError(  # noqa: TRY004 - pydantic collects this kind
+    match named:
+        case str():
+            _reference(named)
+        case dict() if all(isinstance(reference, str) for reference in named.values()):
+            for reference in named.values():
+                _reference(reference)
+        case _:
+            raise ValueError(
                 "must be a class, such as my_module:MyServo, or a table with one for each joint"
             )
-        _reference(reference)
     return named
 
 

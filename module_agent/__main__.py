@@ -48,9 +48,7 @@ def serve(joint: str, scenario: ResolvedScenario) -> int:
     """
     rig = rig_of(scenario.values)
     config = board_config(scenario.values, joint)
-    for source in (config.controller, config.rule):
-        if source is not None:
-            foreign.read(source)
+    foreign.check(config)
     set_runtime_threads()
     trouble = None
     try:

@@ -125,6 +125,13 @@ def election_of(config: BoardConfig) -> Election | None:
     return Election(config.election, rule, board=config.index)
 
 
+def check(config: BoardConfig) -> None:
+    """See that a board's files are those that its scenario means. Raises `ScenarioError`."""
+    for source in (config.controller, config.rule):
+        if source is not None:
+            read(source)
+
+
 def load(source: Source) -> Any:
     """Execute a file and return its class. Raises `ScenarioError`, and whatever the file raises."""
     module_name, _, class_name = source.reference.partition(":")

@@ -18,7 +18,7 @@ class TickRecord(NamedTuple):
     answers: tuple[bytes, ...]
     """Torque frames, from the ground up; empty where there was no board."""
     events: tuple[list[Any], ...]
-    """Commands that took effect, boards that came and went, verdicts: `[what, ...]`."""
+    """Commands that took effect, boards that came, went and failed, verdicts: `[what, ...]`."""
 
 
 class Undriven(NamedTuple):

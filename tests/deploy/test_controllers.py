@@ -1,5 +1,6 @@
 """Controllers from outside, as a scenario names them: found, tried, hashed, and run."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from deploy.scenario import load
 from deploy.summary import summary
 from deploy.trajectory import Trajectory, trajectory
 from deploy.twin import run_twin
-from protocol.scenario import ScenarioError
+from protocol.scenario import ScenarioError, canonical, resolved
 from tests.module_agent.outside import ELECTION, SERVO
 
 WORKS = SERVO.format(body="return -100.0 * seen.error_rad")
@@ -226,6 +227,14 @@ def test_the_digest_covers_the_file_but_not_where_it_lies(folder: Path) -> None:
     assert digest == load(str(elsewhere / "mine.toml"), settings).digest
     (elsewhere / "my_servo.py").write_text(f"{WORKS}\n")
     assert digest != load(str(elsewhere / "mine.toml"), settings).digest
+
+
+def test_a_twin_of_a_recorded_scenario_wants_the_file_that_was_meant(folder: Path) -> None:
+    scenario = load(str(folder / "mine.toml"), [f"controller={MINE}"])
+    values = json.loads(canonical(scenario.values))
+    values["board"][0]["controller"]["sha256"] = "0" * 64
+    with pytest.raises(ScenarioError, match=r"my_servo\.py: has changed since"):
+        run_twin(resolved(values))
 
 
 # --- A run ---------------------------------------------------------------------------------------
