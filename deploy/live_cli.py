@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
@@ -9,6 +10,8 @@ from rich.table import Table
 
 from deploy.terminal import JsonOption, out, print_json
 from protocol.commands import Command
+from protocol.frames import Reason
+from protocol.storms import Storm
 
 RigOption = Annotated[
     str | None,
@@ -168,18 +171,43 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     seconds = now["tick"] * now["tick_s"]
     waits = f"; waits for {', '.join(now['waits_for'])}" if now["waits_for"] else ""
     out.print(f"tick {now['tick']} ({seconds:.3f} s){waits}", highlight=False)
-    boards = Table("board", "incarnation", "state", "enabled", "torque (N m)", box=None)
+    out.print(_boards(now["boards"]))
     for board in now["boards"]:
-        torque = f"{board['torque_nm']:.2f}" if "torque_nm" in board else "-"
-        enabled = "yes" if board["enabled"] else "no"
-        boards.add_row(board["joint"], str(board["incarnation"]), board["state"], enabled, torque)
-    out.print(boards)
+        for line in _troubles(board):
+            out.print(f"{board['joint']}: {line}", highlight=False, markup=False, soft_wrap=True)
     links = Table("link", "faults", "", box=None)
     for link in now["links"]:
         faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
         one_way = "not heard" if link["one_way"] else ""
         links.add_row(f"{link['from']} to {link['to']}", faults or "none", one_way)
     out.print(links)
+    for storm in now["storms"]:
+        seen = Storm(storm["origin"], storm["per_s"], Reason(storm["reason"]))
+        out.print(str(seen), highlight=False)
+
+
+def _boards(boards: list[dict[str, Any]]) -> Table:
+    columns = ("board", "incarnation", "state", "enabled", "torque (N m)", "fault")
+    table = Table(*columns, box=None)
+    for board in boards:
+        torque = f"{board['torque_nm']:.2f}" if "torque_nm" in board else "-"
+        enabled = "yes" if board["enabled"] else "no"
+        fault = str(board["fault"]["code"]) if board["fault"] else "-"
+        about = board["joint"], str(board["incarnation"]), board["state"]
+        table.add_row(*about, enabled, torque, fault)
+    return table
+
+
+def _troubles(board: dict[str, Any]) -> Iterator[str]:
+    """What a board counts that is not 0, and what has failed on it."""
+    counted = [f"{name} {count}" for name, count in board["counters"].items() if count]
+    if counted:
+        yield ", ".join(counted)
+    if board["stuck"]:
+        yield f"was stuck {board['stuck']} times"
+    if board["fault"]:
+        first, *_ = board["fault"]["text"].splitlines()
+        yield f"fault {board['fault']['code']} ({board['fault']['name']}), {first}"
 
 
 ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)

@@ -11,12 +11,15 @@ A round is a tick. Rounds to agreement are counted as long as it takes (`watched
 be enabled is asked after R rounds, when the boards latch.
 """
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
 from deploy.measure_graphs import Near, neighbours
 from module_agent.consensus import MaxConsensus
+from module_agent.controller import Candidate, Round
 from module_agent.elector import urgency
 from module_agent.link_model import LinkModel
 from protocol.commands import PERFECT
@@ -87,6 +90,13 @@ def pieces(cases: Iterable[Case]) -> list[Piece]:
     ]
 
 
+@dataclass(frozen=True, slots=True)
+class Numbered:
+    """All that an election needs to know of its board."""
+
+    index: int
+
+
 class Link(NamedTuple):
     """A directed link and the boards at its ends."""
 
@@ -100,10 +110,7 @@ class Network:
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        self.boards = [
-            MaxConsensus(board=board, period_ticks=case.period_ticks, rounds=case.watched_rounds)
-            for board in range(case.boards)
-        ]
+        self.boards = [MaxConsensus(Numbered(board)) for board in range(case.boards)]
         standing = PERFECT._replace(loss=case.loss)
         self.from_board = [
             [
@@ -123,17 +130,20 @@ class Network:
         """Play one epoch until all agree and R rounds are over, or for as long as is watched."""
         case, first_tick = self.case, number * self.case.period_ticks
         for board in self.boards:
-            board.begin(first_tick, urgency(case.seed, board.board, number))
-        best = max(board.best for board in self.boards)
+            board.vote(_round_of(first_tick, 0, urgency(case.seed, board.board, number), ()))
+        own = [board.best for board in self.boards]
+        best = max(own)
         knowing, agreed_round, enabled = 1, None, 0
         news = _news(chain.from_iterable(self.from_board))
         for round_ in range(1, case.watched_rounds + 1):
-            moved = _round(news, first_tick + round_ - 1)
+            moved = _round(news, first_tick, round_)
             knowing += sum(board.best == best for board in moved)
             if agreed_round is None and knowing == case.boards:
                 agreed_round = round_
             if round_ == case.rounds:
-                enabled = sum(board.elected for board in self.boards)
+                enabled = sum(
+                    board.best == mine for board, mine in zip(self.boards, own, strict=True)
+                )
             if agreed_round is not None and round_ >= case.rounds:
                 break
             news = _news(chain(news, *(self.from_board[board.board] for board in moved)))
@@ -152,13 +162,18 @@ def _news(links: Iterable[Link]) -> set[Link]:
     return {link for link in links if link.sender.best > link.receiver.best}
 
 
-def _round(news: Iterable[Link], said_tick: int) -> set[MaxConsensus]:
+def _round(news: Iterable[Link], first_tick: int, number: int) -> set[MaxConsensus]:
     """All say what they know, then all hear; return the boards that know more now."""
-    said = [
-        (link.receiver, link.sender.gossip)
-        for link in news
-        if link.model.fate(said_tick).late_ticks
-    ]
-    for receiver, gossip in said:
-        receiver.hear(gossip)
-    return {receiver for receiver, _ in said}
+    heard: defaultdict[MaxConsensus, list[Candidate]] = defaultdict(list)
+    for link in news:
+        if link.model.fate(first_tick + number - 1).late_ticks:
+            heard[link.receiver].append(link.sender.best)
+    for receiver, candidates in heard.items():
+        receiver.vote(_round_of(first_tick + number, number, 0.0, candidates))
+    return set(heard)
+
+
+def _round_of(tick: int, number: int, own: float, heard: Sequence[Candidate]) -> Round:
+    return Round(
+        tick, 0, number, last=False, urgency=own, heard=heard, complete=True, enabled=False
+    )

@@ -19,7 +19,7 @@ from deploy import machine
 from deploy.measure_network import Case, Epoch
 from deploy.processes import RunFailedError, end
 from deploy.rigs import NoPortsError, claim
-from module_agent.consensus import Candidate
+from module_agent.controller import Candidate
 from module_agent.elector import RIG, joint
 from protocol.exit_codes import ExitCode
 from protocol.scenario import ResolvedScenario, resolved

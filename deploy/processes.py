@@ -123,7 +123,8 @@ class Processes:
         self.children[name] = child
         assert child.stdout is not None
         assert child.stderr is not None
-        self._read(child.stdout, self._obey)
+        # A controller from outside may print; only the plant has something to say to us.
+        self._read(child.stdout, self._obey if name == "plant" else self.watch.on_line)
         self._read(child.stderr, self.watch.on_line)
 
     def _obey(self, line: str) -> None:

@@ -1,8 +1,9 @@
 """One run, in processes or in the twin, from a scenario to a folder with its results."""
 
+import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from itertools import count
 from pathlib import Path
 
@@ -78,13 +79,19 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     twin = Twin(scenario)
     started = time.monotonic()
     stopped = None
-    with SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool:
+    with (
+        SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool,
+        redirect_stdout(sys.stderr),  # What a controller prints is none of our output.
+    ):
         try:
             for record in twin.run():
                 if record.tick == 0:
                     started = time.monotonic()
                 spool.append(record, None)
                 watch.on_tick(record.tick)
+                for event in record.events:
+                    if event[0] == "fault":
+                        watch.on_line(_fault_line(twin, record.tick, event[1]))
         except StoppedError:
             stopped = STOPPED
         outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
@@ -95,3 +102,12 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
         return ExitCode.OK
     watch.on_line(fall_line(outcome, scenario.values["run"]["tick_s"]))
     return ExitCode.FELL
+
+
+def _fault_line(twin: Twin, tick: int, board: int) -> str:
+    """What a board process would have said of its failure."""
+    firmware = twin.boards[board]
+    assert firmware is not None
+    assert firmware.fault is not None
+    fault = firmware.fault
+    return f"{firmware.config.joint}: fault {fault.code} in tick {tick}\n{fault.trace}"

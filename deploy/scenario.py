@@ -14,9 +14,11 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from deploy import controllers
 from deploy.event_tables import commands, merged_links
 from deploy.scenario_tables import BoardTable, Scenario, body_of, misfits
 from deploy.ticks import whole_ticks
+from module_agent.config import Source
 from protocol.scenario import ResolvedScenario, ScenarioError, resolved
 
 SCENARIOS = Path(__file__).parent / "scenarios"
@@ -34,34 +36,39 @@ def load(source: str, overrides: list[str] | None = None) -> ResolvedScenario:
     Raises `ScenarioError` with every complaint, one a line.
     """
     path = _find(source)
-    tree = _read(path)
+    folders: list[Path] = []
+    tree = _read(path, folders)
     complaints = [line for override in overrides or [] for line in _apply(tree, override)]
+    named = controllers.find(tree, folders)
     scenario = None
     try:
         scenario = Scenario.model_validate(tree)
     except ValidationError as error:
         complaints += (f"{path}: {line}" for line in _complaints(error))
-    complaints += (f"{path}: {line}" for line in misfits(tree))
+    complaints += (f"{path}: {line}" for line in (*misfits(tree), *named.complaints))
     if complaints:
         raise ScenarioError("\n".join(complaints))
     assert scenario is not None
-    return resolved(_resolve(path.stem, scenario))
+    return resolved(_resolve(path.stem, scenario, named.sources))
 
 
-def _read(path: Path, depth: int = 0) -> dict[str, Any]:
-    """Read a file, and below it what it extends."""
+def _read(path: Path, folders: list[Path]) -> dict[str, Any]:
+    """Read a file, and below it what it extends; `folders` gets those that they lie in."""
+    folders.append(path.parent)
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{path}: cannot be read: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(f"{path}: not TOML: {error}") from error
-    below = tree.get("extends")
+    below, election = tree.get("extends"), tree.get("election")
+    if isinstance(election, str):
+        tree["election"] = {"rule": election}
     if not isinstance(below, str):
         return tree
-    if depth == EXTENDS_MAX:
+    if len(folders) > EXTENDS_MAX:
         raise ScenarioError(f"{path}: extends: goes round in circles")
-    return _merged(_read(_find(below), depth + 1), tree)
+    return _merged(_read(_find(below), folders), tree)
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
@@ -96,6 +103,8 @@ def _apply(tree: dict[str, Any], override: str) -> Iterator[str]:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text
+    if path == "election" and isinstance(value, str):
+        path = "election.rule"
     *parents, last = path.split(".")
     place: Any = tree
     try:
@@ -144,7 +153,7 @@ def _hint(name: str, known: list[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(known)}"
 
 
-def _resolve(name: str, scenario: Scenario) -> dict[str, Any]:
+def _resolve(name: str, scenario: Scenario, sources: dict[str, Source]) -> dict[str, Any]:
     """Fill everything in, in SI units and ticks."""
     run, election = scenario.run, scenario.election
     body = body_of(run, scenario.board)
@@ -161,22 +170,37 @@ def _resolve(name: str, scenario: Scenario) -> dict[str, Any]:
             "substeps": run.substeps,
             "fallen_below": run.fallen_below,
         },
-        "rig": scenario.rig.model_dump(),
+        "rig": {**scenario.rig.model_dump(), "sources": _files(sources)},
         "election": {
             "enabled": election.enabled,
             "period_ticks": whole_ticks(election.period_s * 1e3, run.tick_ms),
             "rounds": election.rounds,
             "disabled_holds": election.disabled_holds,
             "incomplete": election.incomplete,
+            "rule": _class(election.rule, sources),
         },
         "link": standing,
         "event": sorted(map(list, events), key=lambda entry: entry[0]),
-        "board": [_resolve_board(board, scenario) for board in scenario.board],
+        "board": [_resolve_board(board, scenario, sources) for board in scenario.board],
         "link_names": [board.link.name for board in scenario.board],
     }
 
 
-def _resolve_board(board: BoardTable, scenario: Scenario) -> dict[str, Any]:
+def _files(sources: dict[str, Source]) -> dict[str, str]:
+    """Where the file of each module from outside is on this machine."""
+    return {reference.partition(":")[0]: source.path for reference, source in sources.items()}
+
+
+def _class(reference: str | None, sources: dict[str, Source]) -> dict[str, str] | None:
+    """A class from outside, and what was in its file."""
+    if reference is None:
+        return None
+    return {"class": reference, "sha256": sources[reference].sha256}
+
+
+def _resolve_board(
+    board: BoardTable, scenario: Scenario, sources: dict[str, Source]
+) -> dict[str, Any]:
     servo, link = board.servo, board.link
     slender = link.mass_kg * link.length_m**2 / 12.0
     return {
@@ -187,6 +211,9 @@ def _resolve_board(board: BoardTable, scenario: Scenario) -> dict[str, Any]:
         "lumped_delay_ticks": whole_ticks(board.lumped_delay_ms, scenario.run.tick_ms),
         "imu": board.imu,
         "force_plate": board.force_plate,
+        "controller": _class(
+            controllers.reference_for(board.joint, board.controller, scenario.controller), sources
+        ),
         "servo": {
             "kp_nm_rad": servo.kp_nm_rad,
             "kd_nm_s_rad": servo.kd_nm_s_rad,

@@ -20,6 +20,7 @@ from pydantic import (
     model_validator,
 )
 
+from deploy.controllers import ControllerOfBoards, Reference
 from deploy.event_tables import (
     AnyEvent,
     Body,
@@ -35,6 +36,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Duration = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
 """In seconds: a day and a bit, so that ticks of 0.1 ms can be counted in 32 bits."""
+
 
 PORT_MAX = 65_535
 RESERVED = frozenset({"plant"})
@@ -77,6 +79,7 @@ class Election(Table):
     rounds: Annotated[int, Field(ge=1)] = 2
     disabled_holds: Literal["controlled-variable", "link-orientation"] = "controlled-variable"
     incomplete: Literal["each-side", "keep-last"] = "each-side"
+    rule: Reference | None = None
 
 
 class ServoTable(Table):
@@ -124,6 +127,7 @@ class BoardTable(Table):
     lumped_delay_ms: Annotated[float, Field(ge=0, le=10_000)] = 10.0
     imu: bool = False
     force_plate: bool = False
+    controller: Reference | None = None
     servo: ServoTable
     link: LinkTable
     unattended: UnattendedTable | None = None
@@ -140,6 +144,8 @@ class Scenario(Table):
     election: Election = Election()
     unattended: UnattendedTable = UnattendedTable()
     """For boards that have no such table of their own."""
+    controller: ControllerOfBoards = None
+    """For boards that name none of their own: one for all, or a table by joint."""
     board: Annotated[list[BoardTable], Field(min_length=1, max_length=2000)]
     link: list[StandingLink] = []
     event: list[AnyEvent] = []

@@ -15,6 +15,7 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
+    faults                                  boards that failed: joint, tick, code, text
     versions                                python, decmesh, zenoh, numpy, msgpack
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
@@ -23,6 +24,7 @@
 import json
 import os
 import tempfile
+from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
@@ -54,10 +56,19 @@ def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = 
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
+        "faults": [
+            {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
+            for tick, (_what, board, code, text) in _failures(trajectory)
+        ],
         "versions": versions(),
     }
     finite: Summary = _finite(values)
     return finite
+
+
+def _failures(trajectory: Trajectory) -> Iterator[tuple[int, list[Any]]]:
+    """Events of boards that failed, with their ticks."""
+    return ((tick, event) for tick, event in trajectory.events if event[0] == "fault")
 
 
 def write_summary(path: Path, values: Summary) -> None:

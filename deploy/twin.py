@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from module_agent import foreign
 from module_agent.board import Board
 from module_agent.config import board_config
 from plant_server.config import plant_config
@@ -18,10 +19,15 @@ from protocol.scenario import ResolvedScenario, run_id
 
 
 class Twin:
-    """One robot in one process."""
+    """One robot in one process.
+
+    Raises `ScenarioError` when a controller's file is not the one that the scenario means.
+    """
 
     def __init__(self, scenario: ResolvedScenario) -> None:
         self.scenario = scenario
+        for joint in scenario.joints:
+            foreign.check(board_config(scenario.values, joint))
         self.run_id = run_id(scenario.digest)
         self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
         self.boards: list[Board | None] = [None] * len(scenario.joints)
@@ -38,6 +44,8 @@ class Twin:
             firmware = self.boards[index]
             assert firmware is not None
             actuation = firmware.tick(firmware.read(payload))
+            for fault in actuation.faults:
+                lockstep.report(index, fault)
             lockstep.answer(index, actuation.torque)
             said.append((firmware, actuation.links))
         for sender, payloads in said:

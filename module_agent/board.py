@@ -14,16 +14,18 @@ from typing import NamedTuple
 
 from module_agent.body_view import BodySample, BodyView, Turn
 from module_agent.config import BoardConfig, Controls
-from module_agent.consensus import Candidate, Gossip
-from module_agent.election import Election, Heard
+from module_agent.controller import Candidate, Seen
+from module_agent.election import Gossip, Heard
+from module_agent.foreign import FaultError, controller_of, election_of
 from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
-from module_agent.servo import Servo
 from module_agent.speech import Doing, Speech
 from protocol.commands import ANY, LINK, LinkParameters, decode_board_command
 from protocol.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
-from protocol.states import COUNTERS, State
+from protocol.states import COUNTERS, Counters, State, entered
+
+SYNCING, SAFE, FAULT = State.SYNCING, State.SAFE, State.FAULT
 
 
 class Actuation(NamedTuple):
@@ -31,6 +33,8 @@ class Actuation(NamedTuple):
 
     torque: bytes
     links: tuple[bytes, ...]
+    faults: tuple[bytes, ...] = ()
+    """What has failed in this tick; to be said before the torque."""
 
 
 class AnsweredError(Exception):
@@ -73,26 +77,34 @@ class Board:
         self.speech = Speech(
             config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
         )
-        self.servo = Servo(config.gains, tick_s=config.tick_s)
-        self.election = (
-            None if config.election is None else Election(config.election, board=config.index)
-        )
+        self.servo = controller_of(config)
+        self.election = election_of(config)
         self._hear_body = [
             self.view.hear_from_above if other > config.index else self.view.hear_from_below
             for other in config.neighbours
         ]
         self.reference_rad = config.reference_rad
-        self.state = State.SYNCING
+        self.state = State.ENROLLING
+        self.fault: FaultError | None = None
+        """What has put this board out of action."""
         self.held_rad: float | None = None
         self.next_tick: int | None = None
         self.refused: Counter[Reason] = Counter()
-        self.state_ticks: Counter[State] = Counter()
+        self.state_ticks = [0] * (max(State) + 1)
         self._synced_tick = 0
+        self._unsaid: tuple[bytes, ...] = ()
 
     @property
     def enabled(self) -> bool:
         """The enabling variable y: whether this board moves to its reference, or holds."""
-        return self.state is not State.SAFE and (self.election is None or self.election.enabled)
+        if self.election is not None:
+            return self.election.enabled
+        return self.state is not SAFE and self.state is not FAULT
+
+    @property
+    def counters(self) -> Counters:
+        """All that this board counts."""
+        return Counters(*map(self._count, range(len(COUNTERS))))
 
     def read(self, payload: bytes) -> Observation:
         """Check an observation.
@@ -114,10 +126,7 @@ class Board:
         return observation
 
     def hear(self, link: int, payload: bytes) -> int:
-        """Take a frame that arrived on the `link`-th of this board's links, whenever it did.
-
-        Returns the tick in which it was said, `NO_TICK` if it cannot be used.
-        """
+        """Take a frame of a link, whenever it came; the tick said, `NO_TICK` if it is of no use."""
         return self.hearings[link].put(payload)
 
     def missing(self, observation: Observation) -> int | None:
@@ -145,24 +154,35 @@ class Board:
             self.view.sense(tick, joint, imu, top=self.config.top)
         gossip = self._hear(observation)
 
+        body, state = self._body(tick)
+        if state is not self.state:
+            self.state = entered(self.state, state)
         torque_nm, controlled_rad = 0.0, 0.0
-        wanted_tick = tick - self.config.lumped_delay_ticks
-        if tick < self._synced_tick:
-            self.state = State.SYNCING
-        elif not self.sensing.safe or not self.view.sampled(wanted_tick):
-            self.state = State.SAFE
-            self._elect(tick, 0.0, gossip, observation)
-        else:
-            body, self.state = self.view.at(wanted_tick)
+        if body is not None:
             controlled = self._controlled(body)
             controlled_rad = controlled.rad
             urgency = fabs(controlled_rad - self.reference_rad)
-            self._elect(tick, urgency, gossip, observation)
-            torque_nm = self._drive(controlled, body)
+            self._elect(urgency, gossip, observation)
+            if self.fault is None:
+                torque_nm = self._drive(controlled, body, observation)
+        elif state is not SYNCING:
+            self._elect(0.0, gossip, observation)
         self.state_ticks[self.state] += 1
         return self._say(tick, torque_nm, controlled_rad)
 
+    def _body(self, tick: int) -> tuple[BodySample | None, State]:
+        """The sample to drive on in this tick, if there is one, and the state that this makes."""
+        wanted_tick = tick - self.config.lumped_delay_ticks
+        if self.fault is not None:
+            return None, FAULT
+        if tick < self._synced_tick:
+            return None, SYNCING
+        if not self.sensing.safe or not self.view.sampled(wanted_tick):
+            return None, SAFE
+        return self.view.at(wanted_tick)
+
     def _admitted(self, tick: int) -> None:
+        self.state = entered(self.state, State.SYNCING)
         self._synced_tick = max(0, tick + self.config.lumped_delay_ticks)
         if self._synced_tick > 0 and self.election is not None:
             self.election.enabled = False  # Until an election says otherwise (S11).
@@ -199,22 +219,24 @@ class Board:
             case Controls.LINK_ORIENTATION:
                 return body.link
 
-    def _elect(
-        self, tick: int, urgency: float, heard: list[Heard], observation: Observation
-    ) -> None:
-        election = self.election
+    def _elect(self, urgency: float, heard: list[Heard], observation: Observation) -> None:
+        election, tick = self.election, observation.tick
         if election is None:
             return
         if election.due(tick):
             roster = enumerate(observation.neighbours)
-            election.tick(
-                tick, urgency, heard, [link for link, other in roster if other.incarnation]
-            )
-        if self.state is State.SAFE:
+            linked = [link for link, other in roster if other.incarnation]
+            try:
+                election.tick(tick, urgency, heard, linked)
+            except FaultError as fault:
+                self._fail(tick, fault)
+                election.tick(tick, 0.0, heard, linked)
+        if self.state is SAFE or self.state is FAULT:
             election.enabled = False
 
-    def _drive(self, controlled: Turn, body: BodySample) -> float:
-        if self.enabled:
+    def _drive(self, controlled: Turn, body: BodySample, observation: Observation) -> float:
+        enabled = self.enabled
+        if enabled:
             target, goal_rad = controlled, self.reference_rad
             self.held_rad = None
         else:
@@ -222,11 +244,22 @@ class Board:
             if self.held_rad is None:  # Disabled just now: stay where this sample is.
                 self.held_rad = target.rad
             goal_rad = self.held_rad
-        return self.servo.torque_nm(
-            error_rad=target.rad - goal_rad,
-            rate_rad_s=target.rad_s,
-            com_sway_rad=body.supported.sway_rad(),
-        )
+        error_rad, rate_rad_s = target.rad - goal_rad, target.rad_s
+        about = observation.tick, enabled, self.reference_rad, error_rad, rate_rad_s
+        seen = Seen(*about, controlled, body, self.state, observation)
+        try:
+            return self.servo.torque_nm(seen)
+        except FaultError as fault:
+            self._fail(observation.tick, fault)
+            return 0.0
+
+    def _fail(self, tick: int, fault: FaultError) -> None:
+        """Put this board out of action; what others say in an election it still passes on."""
+        self.fault = fault
+        self.state = entered(self.state, State.FAULT)
+        self._unsaid = self.speech.of_fault(tick, fault.code, fault.told)
+        if self.election is not None:
+            self.election.relay(self.config)
 
     def _say(self, tick: int, torque_nm: float, controlled_rad: float) -> Actuation:
         gossip = self._gossip()
@@ -240,12 +273,13 @@ class Board:
             counted=self._count(counter),
             said=said,
         )
-        return Actuation(torque, said)
+        faults, self._unsaid = self._unsaid, ()
+        return Actuation(torque, said, faults)
 
     def _gossip(self) -> Gossip:
         if self.election is None:
             return Gossip(NO_EPOCH, 0, Candidate(0.0, self.config.index))
-        return self.election.consensus.gossip
+        return self.election.gossip
 
     def _count(self, counter: int) -> int:
         """The value of one of `protocol.states.COUNTERS`."""

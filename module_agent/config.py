@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, NamedTuple
 
-from module_agent.election import ElectionConfig
 from module_agent.kinematics import Link
-from module_agent.servo import ServoGains
 from protocol.commands import PERFECT, LinkParameters, changed
 from protocol.wiring import neighbours
 
@@ -20,6 +18,36 @@ class Controls(StrEnum):
     """Angle of the joint itself (KNEE)."""
     LINK_ORIENTATION = "link-orientation"
     """Orientation in space of the link above the joint (the hip's TS)."""
+
+
+class ServoGains(NamedTuple):
+    """Gains of one module: the paper's table I, and what it leaves out (gravity weight, K_i)."""
+
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+    ki_nm_rad_s: float
+    g_servo: float
+    gravity_weight: float
+    torque_limit_nm: float
+
+
+class ElectionConfig(NamedTuple):
+    """When boards elect, and what they do when they have not heard from everybody."""
+
+    period_ticks: int
+    rounds: int
+    keeps_last: bool
+
+
+class Source(NamedTuple):
+    """A class in somebody's own file."""
+
+    reference: str
+    """As the scenario has it, such as `my_module:MyServo`."""
+    path: str
+    """Of the file, on this machine."""
+    sha256: str
+    """Of the file's bytes, in hex."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +80,10 @@ class BoardConfig:
     has_force_plate: bool
     election: ElectionConfig | None
     """None: every board stays enabled (the original DEC)."""
+    controller: Source | None = None
+    """A servo from outside; None: ours."""
+    rule: Source | None = None
+    """An election from outside; None: ours."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -95,4 +127,14 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
             if election["enabled"]
             else None
         ),
+        controller=_source(values, board["controller"]),
+        rule=_source(values, election["rule"]),
     )
+
+
+def _source(values: dict[str, Any], named: dict[str, str] | None) -> Source | None:
+    """Join what class is meant, and with which bytes, with where its file is on this machine."""
+    if named is None:
+        return None
+    module = named["class"].partition(":")[0]
+    return Source(named["class"], values["rig"]["sources"][module], named["sha256"])

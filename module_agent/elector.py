@@ -10,10 +10,13 @@ The board would latch y after R rounds. It plays W >= R of them, so that agreeme
 is seen too; gossip after round R cannot change what was known at round R.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from module_agent.consensus import Candidate, Gossip
-from module_agent.election import Election, ElectionConfig, Heard
+from module_agent.config import ElectionConfig
+from module_agent.consensus import MaxConsensus
+from module_agent.controller import Candidate
+from module_agent.election import Election, Gossip, Heard
 from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel, draw
 from protocol.commands import PERFECT
@@ -24,10 +27,11 @@ INCARNATION = 1
 NO_BODY = (0.0,) * 7
 
 
-class ElectorConfig(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ElectorConfig:
     """One board of a network that does nothing but elect."""
 
-    board: int
+    index: int
     neighbours: tuple[int, ...]
     boards: int
     seed: int
@@ -86,7 +90,7 @@ class Elector:
                 LinkModel(
                     seed=config.seed,
                     sender=sender,
-                    receiver=config.board,
+                    receiver=config.index,
                     standing=PERFECT._replace(loss=config.loss),
                 ),
                 run_id=run_id,
@@ -96,7 +100,8 @@ class Elector:
         ]
         self.election = Election(
             ElectionConfig(config.period_ticks, config.watched_rounds, keeps_last=False),
-            board=config.board,
+            MaxConsensus(config),
+            board=config.index,
         )
         self._links = range(len(config.neighbours))
         self._elected = False
@@ -104,7 +109,7 @@ class Elector:
     @property
     def round(self) -> int:
         """How many rounds of this epoch have been played."""
-        return self.election.consensus.round
+        return self.election.gossip.round
 
     def hear(self, link: int, payload: bytes) -> None:
         """Take a frame that arrived on the `link`-th of this board's links, whenever it did."""
@@ -123,27 +128,26 @@ class Elector:
 
     def tick(self) -> tuple[bytes, ...]:
         """Open an epoch or play a round; return a frame for each neighbour, in their order."""
-        tick, config, consensus = self.next_tick, self.config, self.election.consensus
+        tick, config = self.next_tick, self.config
         self.next_tick = tick + 1
         epoch, round_ = divmod(tick, config.period_ticks)
         if round_ == 0:
-            self.urgency = urgency(config.seed, config.board, epoch)
-        known = consensus.best
+            self.urgency = urgency(config.seed, config.index, epoch)
+        known = self.election.gossip.best
         self.election.tick(tick, self.urgency, self._heard(tick), self._links)
-        if round_ == 0 or consensus.best != known:
+        gossip = self.election.gossip
+        if round_ == 0 or gossip.best != known:
             self.learned_round = round_
         if round_ == config.rounds:
-            self._elected = consensus.elected
-        return self._say(tick, consensus.gossip)
+            self._elected = gossip.best == Candidate(self.urgency, config.index)
+        return self._say(tick, gossip)
 
     def ballot(self) -> Ballot | None:
         """What there is to say of the epoch, in the tick of its last watched round."""
-        consensus = self.election.consensus
         if self.next_tick % self.config.period_ticks != 0 or self.next_tick == 0:
             return None
-        return Ballot(
-            consensus.epoch, self.urgency, consensus.best, self.learned_round, self._elected
-        )
+        epoch, _, best = self.election.gossip
+        return Ballot(epoch, self.urgency, best, self.learned_round, self._elected)
 
     def _heard(self, tick: int) -> list[Heard]:
         if tick == 0:

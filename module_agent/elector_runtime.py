@@ -11,6 +11,7 @@ import json
 import sys
 import time
 from contextlib import suppress
+from dataclasses import asdict
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -40,7 +41,7 @@ def main() -> int:
         if arguments.lifeline:
             stop_at_end_of_input()
         set_runtime_threads()
-        session = elector_session(rig, config.board, config.neighbours)
+        session = elector_session(rig, config.index, config.neighbours)
         with zenoh.open(zenoh.Config.from_json5(json.dumps(session))) as opened:
             try:
                 Runtime(opened, config, epochs=arguments.epochs).run()
@@ -48,11 +49,11 @@ def main() -> int:
                 ignore_signals()
     except zenoh.ZError as error:
         detail = "it is in use" if "in use" in str(error) else str(error)
-        line = f"cannot listen at {rig.endpoint(1 + config.board)}, choose another --base-port"
-        print(f"{joint(config.board)}: {line}: {detail}", file=sys.stderr)
+        line = f"cannot listen at {rig.endpoint(1 + config.index)}, choose another --base-port"
+        print(f"{joint(config.index)}: {line}: {detail}", file=sys.stderr)
         return ExitCode.NO_NETWORK
     except StoppedError:
-        print(f"{joint(config.board)}: stopped", file=sys.stderr)
+        print(f"{joint(config.index)}: stopped", file=sys.stderr)
         return ExitCode.STOPPED
     return ExitCode.OK
 
@@ -64,7 +65,7 @@ class Runtime:
         self.config = config
         self.elector = Elector(config, run_id=_run_id(config, epochs))
         self.ticks = epochs * config.period_ticks
-        me, others = joint(config.board), [joint(board) for board in config.neighbours]
+        me, others = joint(config.index), [joint(board) for board in config.neighbours]
         self.heard: list[SimpleQueue[zenoh.Sample]] = [SimpleQueue() for _ in others]
         """Frames of each neighbour. Every tick needs all, so one is waited for at a time."""
         self._matching: SimpleQueue[Any] = SimpleQueue()
@@ -133,13 +134,13 @@ class Runtime:
 
 def _run_id(config: ElectorConfig, epochs: int) -> int:
     """Name the run after all that its boards must have in common; others refuse its frames."""
-    common = {**config._asdict(), "board": 0, "neighbours": [], "epochs": epochs}
+    common = {**asdict(config), "index": 0, "neighbours": [], "epochs": epochs}
     return run_id(hashlib.sha256(canonical(common)).digest())
 
 
 def _config(arguments: argparse.Namespace) -> ElectorConfig:
     return ElectorConfig(
-        board=arguments.board,
+        index=arguments.board,
         neighbours=tuple(int(board) for board in arguments.neighbours.split(",")),
         boards=arguments.boards,
         seed=arguments.seed,

@@ -40,6 +40,7 @@ class Post:
         self._torque = publisher(session, keys.torque(rig, joint))
         self._stalled = publisher(session, keys.stalled(rig, joint))
         self._timing = publisher(session, keys.timing(rig, joint))
+        self._fault = publisher(session, keys.fault(rig, joint))
         self._links = [
             publisher(session, keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
@@ -67,6 +68,8 @@ class Post:
         # Neighbours first: their frames travel while the plant waits for the slowest torque.
         for link, payload in zip(self._links, actuation.links, strict=True):
             link.put(payload)
+        for payload in actuation.faults:
+            self._fault.put(payload)  # Before the torque, so that the tick is still open.
         self._torque.put(actuation.torque)
 
     def heard(self) -> Iterator[tuple[int, bytes, int]]:

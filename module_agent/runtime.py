@@ -5,34 +5,27 @@ That thread waits for one thing at a time: to be enrolled, for an observation, f
 frames of the tick before; then it ticks.
 """
 
-import json
 import math
 import sys
 import time
 from queue import Empty
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
-from module_agent.config import BoardConfig, board_config
+from module_agent.config import BoardConfig
 from module_agent.post import END, MATCHING, REPLY, Event, Post
 from module_agent.timing import BoardTiming
+from module_agent.watchdog import Watchdog
 from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
 from protocol.exit_codes import ExitCode, refused
-from protocol.frames import (
-    VERSION,
-    End,
-    Observation,
-    ProtocolError,
-    Stalled,
-    decode,
-    encode,
-)
+from protocol.frames import VERSION, End, Observation, ProtocolError, Stalled, decode, encode
 from protocol.machine import clock_id, effort
-from protocol.process import ignore_signals, restarted_when_stuck
 from protocol.scenario import ResolvedScenario
-from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
+from protocol.states import State, entered
+from protocol.storms import Refused, Storms
+from protocol.wiring import Rig
 
 ASK_EVERY_S = 0.1
 """How often a board that is not ticking yet asks the plant to be let in."""
@@ -52,39 +45,6 @@ class FinishedError(Exception):
     def __init__(self, code: int, line: str) -> None:
         super().__init__(line)
         self.code = code
-
-
-def serve(joint: str, scenario: ResolvedScenario) -> int:
-    """Run the board of a joint over Zenoh until its part is over; return the exit code.
-
-    Raises `protocol.process.StoppedError` when it is told to stop.
-    """
-    rig = rig_of(scenario.values)
-    config = board_config(scenario.values, joint)
-    set_runtime_threads()
-    trouble = None
-    with restarted_when_stuck():
-        try:
-            session = _open(board_session(rig, config.index))
-        except zenoh.ZError as error:
-            # Perhaps another process drives this joint already. The plant knows.
-            trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
-            session = _open(board_session(rig, config.index, listens=False))
-    with session:
-        try:
-            with restarted_when_stuck():
-                post = Post(session, config, rig=rig.name)
-            Runtime(post, config, scenario, rig, trouble=trouble).run()
-        except FinishedError as finished:
-            if finished.code != ExitCode.OK:
-                print(f"{joint}: {finished}", file=sys.stderr)
-            return finished.code
-        finally:
-            ignore_signals()
-
-
-def _open(config: dict[str, Any]) -> zenoh.Session:
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
 class Runtime:
@@ -112,18 +72,31 @@ class Runtime:
         """What was said in the last tick."""
         self.timing = BoardTiming(clock=clock_id())
         self._taken_up_ns = 0
-        self._stall_told = False
-        self._former_run = 0
+        self._stall_told, self._former_run = False, 0
         self._give_up_s = math.inf
         self._early: bytes | None = None
         self.post = post
         self._waiting_since = time.monotonic()
         self._told = ""
+        self._rounds = 0
+        self._storms = Storms()
+        self._waiting_state = State.BOOT
+
+    @property
+    def state(self) -> State:
+        """The firmware state, also while there is no board yet."""
+        return self._waiting_state if self.board is None else self.board.state
 
     def run(self) -> NoReturn:
         """Enrol, then tick until the run is over. Raises `FinishedError`."""
+        self._waiting_state = entered(self.state, State.ENROLLING)
         self._ask()
+        with Watchdog(lambda: self._rounds, self._report_stuck):
+            self._loop()
+
+    def _loop(self) -> NoReturn:
         while True:
+            self._rounds += 1
             try:
                 self._handle(self.post.events.get(timeout=self._patience_s()))
             except Empty:
@@ -132,6 +105,9 @@ class Runtime:
             if board is None:
                 continue
             self._hear(board)
+            now_s = time.monotonic()
+            if now_s > self._storms.due_s:
+                self._look_for_storms(board, now_s)
             if self.pending is not None and board.missing(self.pending) is None:
                 self._tick(board, self.pending)
 
@@ -154,6 +130,8 @@ class Runtime:
         self.timing.ticked(observation.tick, self._taken_up_ns, decided_ns, time.monotonic_ns())
         if self.timing.due:
             self._report_timing()
+        if self.last.faults and board.fault is not None:
+            self._tell(f"fault {board.fault.code} in tick {observation.tick}\n{board.fault.trace}")
         self.pending = None
         self._stall_told = False
         self._waiting_since = time.monotonic()
@@ -209,6 +187,8 @@ class Runtime:
         self._tell(why)
         if self.last is not None and self.board is not None:
             self._former_run = self.board.run_id
+        if self.state is not State.ENROLLING:
+            self._waiting_state = entered(self.state, State.ENROLLING)
         self.board = self.pending = self.last = self._early = None
         self.post.forget()
         self._ask()
@@ -293,6 +273,26 @@ class Runtime:
             sender = self.config.neighbours[link]
             report = Stalled(board.run_id, board.incarnation, pending.tick, sender)
             self.post.report_stall(encode(report))
+
+    def _report_stuck(self, where: str) -> None:
+        """Say, from another thread, that this board does not come back from something."""
+        board, pending = self.board, self.pending
+        tick = "" if pending is None else f" in tick {pending.tick}"
+        self._tell(f"stuck{tick}, in {where}")
+        if board is not None and pending is not None:
+            report = Stalled(board.run_id, board.incarnation, pending.tick, self.config.index)
+            self.post.report_stall(encode(report))
+
+    def _look_for_storms(self, board: Board, now_s: float) -> None:
+        refused: Refused = {
+            "observations": board.refused,
+            **{
+                f"frames of {joint}": hearing.refused
+                for joint, hearing in zip(self.config.neighbour_joints, board.hearings, strict=True)
+            },
+        }
+        for storm in self._storms.look(now_s, board.next_tick or 0, refused):
+            self._tell(str(storm))
 
     def _tell(self, line: str) -> None:
         if line != self._told:

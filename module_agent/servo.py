@@ -2,46 +2,38 @@
 
     tau = -[ G_g alpha_CoM + G_servo (K_p eps + K_d d(alpha)/dt + K_i integral(eps)) ]
 
-All of it seen through the lumped delay: the caller passes samples that are that old. G_g is the
+All of it seen through the lumped delay: the board passes samples that are that old. G_g is the
 gravity weight times K_p. The error eps is taken to the reference while the board is enabled, and
 to the value held since it was disabled while it is not.
 """
 
-from typing import NamedTuple
-
-
-class ServoGains(NamedTuple):
-    """Gains of one module: the paper's table I, and what it leaves out (gravity weight, K_i)."""
-
-    kp_nm_rad: float
-    kd_nm_s_rad: float
-    ki_nm_rad_s: float
-    g_servo: float
-    gravity_weight: float
-    torque_limit_nm: float
+from module_agent.config import BoardConfig
+from module_agent.controller import Seen
 
 
 class Servo:
     """Torque from delayed samples; its only memory is the integral of the error."""
 
-    def __init__(self, gains: ServoGains, *, tick_s: float) -> None:
-        self.gains = gains
-        self.tick_s = tick_s
+    def __init__(self, config: BoardConfig) -> None:
+        self.gains = config.gains
+        self.tick_s = config.tick_s
         self.integral_rad_s = 0.0
 
-    def torque_nm(self, *, error_rad: float, rate_rad_s: float, com_sway_rad: float) -> float:
+    def torque_nm(self, seen: Seen) -> float:
         """Advance the integral by one tick and return the torque on the joint.
 
         The integral stands still while the torque is at its limit and the error would push it
         further out.
         """
+        error_rad = seen.error_rad
         gains = self.gains
         integral = self.integral_rad_s + error_rad * self.tick_s
         servo = (
             gains.kp_nm_rad * error_rad
-            + gains.kd_nm_s_rad * rate_rad_s
+            + gains.kd_nm_s_rad * seen.rate_rad_s
             + gains.ki_nm_rad_s * integral
         )
+        com_sway_rad = seen.body.supported.sway_rad()
         gravity = gains.gravity_weight * gains.kp_nm_rad * com_sway_rad
         torque = -(gravity + gains.g_servo * servo)
         limit = gains.torque_limit_nm

@@ -10,10 +10,20 @@ from typing import NamedTuple
 
 from module_agent.body_view import BodyView
 from module_agent.config import BoardConfig
-from module_agent.consensus import Gossip
+from module_agent.election import Gossip
 from module_agent.hearing import Hearing
 from module_agent.kinematics import NOTHING
-from protocol.frames import CRC_BYTES, NO_TICK, LinkFrame, LinkUse, TorqueFrame, encode
+from protocol.frames import (
+    CRC_BYTES,
+    FAULT_PARTS_MAX,
+    FAULT_TEXT_BYTES_MAX,
+    NO_TICK,
+    Fault,
+    LinkFrame,
+    LinkUse,
+    TorqueFrame,
+    encode,
+)
 from protocol.states import State
 
 NOTHING_SEEN = (0.0,) * 7
@@ -106,6 +116,22 @@ class Speech:
             tuple(receipts),
         )
         return encode(frame)
+
+    def of_fault(self, tick: int, code: int, told: str) -> tuple[bytes, ...]:
+        """What has failed: as many frames as the text takes, but not all of a long one."""
+        kept = told[: FAULT_PARTS_MAX * FAULT_TEXT_BYTES_MAX]
+        text = "".join(
+            char if " " <= char <= "~" or char == "\n" else char.encode("unicode_escape").decode()
+            for char in kept
+        )
+        texts = [
+            text[start : start + FAULT_TEXT_BYTES_MAX]
+            for start in range(0, len(text), FAULT_TEXT_BYTES_MAX)
+        ][:FAULT_PARTS_MAX]
+        about = self.run_id, self.incarnation, tick, code
+        return tuple(
+            encode(Fault(*about, part, len(texts), piece)) for part, piece in enumerate(texts)
+        )
 
     def _for_below(self, state: State) -> tuple[int, tuple[float, ...]]:
         tick, sample = self.view.for_below(state)

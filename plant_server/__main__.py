@@ -9,9 +9,10 @@ from pathlib import Path
 import zenoh
 
 from plant_server.facts import facts
+from plant_server.options import Options
 from plant_server.post import Post
 from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
-from plant_server.runtime import Options, Runtime
+from plant_server.runtime import Runtime
 from plant_server.spool import SpoolWriter
 from protocol.durations import duration_s
 from protocol.exit_codes import ExitCode

@@ -6,10 +6,10 @@ makes of an honest board, and nobody can wait for a better one.
 """
 
 from protocol.frames import NO_EPOCH, TICK_MAX, ProtocolError, Reason, TorqueFrame, decode
-from protocol.states import COUNTERS, State
+from protocol.states import COUNTERS, ON_WIRE
 from protocol.wiring import neighbours
 
-STATES = frozenset(map(int, State))
+STATES = frozenset(map(int, ON_WIRE))
 COUNTED_MAX = 2**63 - 1
 
 

@@ -9,17 +9,21 @@ from typing import Any
 from zlib import compress
 
 from plant_server.lockstep import Lockstep
+from plant_server.watch import Watch
 from protocol.commands import PERFECT, Command, CommandError, check_command
-from protocol.frames import VERSION, ProtocolError, TorqueFrame, unseal
+from protocol.frames import VERSION, ProtocolError, unseal
 from protocol.states import State
 
 STATUS = "status"
+ABSENT = "absent"
 ONE_WAY_AFTER_TICKS = 100
 """A neighbour that has heard nothing for so long, while it is heard, hears nothing at all; no delay
 of a link is that long."""
 
 
-def answer(lockstep: Lockstep, joints: list[str], payload: bytes) -> bytes:
+def answer(
+    lockstep: Lockstep, joints: list[str], payload: bytes, watch: Watch | None = None
+) -> bytes:
     """Answer a request `[version, "status"]` or `[version, command]` with a JSON object."""
     reply: dict[str, Any]
     try:
@@ -27,7 +31,7 @@ def answer(lockstep: Lockstep, joints: list[str], payload: bytes) -> bytes:
         if version != VERSION:
             reply = {"refused": f"this plant speaks version {VERSION}, not {str(version)[:20]}"}
         elif request == STATUS:
-            reply = status(lockstep, joints)
+            reply = status(lockstep, watch or Watch(joints))
         else:
             command = json.loads(request)
             check_command(command, joints)
@@ -37,19 +41,16 @@ def answer(lockstep: Lockstep, joints: list[str], payload: bytes) -> bytes:
     return compress(json.dumps(reply).encode())
 
 
-def status(lockstep: Lockstep, joints: list[str]) -> dict[str, Any]:
+def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
     """How the robot is, in words and numbers."""
-    roster = lockstep.roster
+    roster, joints = lockstep.roster, watch.joints
     return {
         "tick": lockstep.tick,
         "tick_s": lockstep.config.tick_s,
         "segments": list(lockstep.config.segments),
         "waits_for": [joints[board] for board in lockstep.waiting_for],
         "sides": [[joints[board] for board in side] for side in roster.sides()],
-        "boards": [
-            _board(joint, roster.incarnations[board], lockstep.latest[board])
-            for board, joint in enumerate(joints)
-        ],
+        "boards": [_board(lockstep, watch, board) for board in range(len(joints))],
         "links": [
             {
                 "from": joints[sender],
@@ -63,22 +64,35 @@ def status(lockstep: Lockstep, joints: list[str]) -> dict[str, Any]:
             }
             for (sender, receiver), now in roster.links.items()
         ],
+        "storms": [storm._asdict() for storm in watch.storms.raging],
     }
 
 
-def _board(joint: str, incarnation: int, latest: TorqueFrame | None) -> dict[str, Any]:
-    about: dict[str, Any] = {"joint": joint, "incarnation": incarnation}
-    if incarnation == 0:
-        return {**about, "state": "absent", "enabled": False}
-    if latest is None:
-        return {**about, "state": "joining", "enabled": False}
-    return {
-        **about,
-        "state": State(latest.state).name.lower(),
-        "enabled": bool(latest.enabled),
-        "torque_nm": latest.torque_nm,
-        "controlled_rad": latest.controlled_rad,
+def _board(lockstep: Lockstep, watch: Watch, board: int) -> dict[str, Any]:
+    latest, failure = lockstep.latest[board], lockstep.telemetry.failures[board]
+    about: dict[str, Any] = {
+        "joint": watch.joints[board],
+        "incarnation": lockstep.roster.incarnations[board],
+        "state": _state(lockstep, watch, board),
+        "enabled": latest is not None and bool(latest.enabled),
+        "fault": None
+        if failure is None
+        else {"code": failure.code, "name": failure.code.title, "text": failure.text},
+        "stuck": watch.stuck[board],
+        "counters": lockstep.telemetry.counters(board)._asdict(),
     }
+    if latest is not None:
+        about |= {"torque_nm": latest.torque_nm, "controlled_rad": latest.controlled_rad}
+    return about
+
+
+def _state(lockstep: Lockstep, watch: Watch, board: int) -> str:
+    """A firmware state by its name, or "absent": nobody is there, as far as the plant knows."""
+    latest = lockstep.latest[board]
+    if latest is not None:
+        return State(latest.state).name.lower()
+    here = lockstep.roster.present(board) or board in watch.enrolled
+    return State.ENROLLING.name.lower() if here else ABSENT
 
 
 def _is_deaf(lockstep: Lockstep, sender: int, receiver: int) -> bool:

@@ -40,6 +40,11 @@ class Enrolment:
         self.seats = [Seat() for _ in joints]
 
     @property
+    def enrolled(self) -> set[int]:
+        """Boards that are let in, whether they take part already or not."""
+        return {board for board, seat in enumerate(self.seats) if seat.boot is not None}
+
+    @property
     def absent(self) -> list[str]:
         """Joints that have no board."""
         seats = zip(self.joints, self.seats, strict=True)

@@ -23,14 +23,15 @@ from typing import Any
 from plant_server.agenda import Agenda
 from plant_server.answers import read_answer
 from plant_server.articulated import chain_of
+from plant_server.attendance import Attendance
 from plant_server.body import Body
-from plant_server.config import PlantConfig, Unattended
-from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven
+from plant_server.config import PlantConfig
+from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.roster import Roster
 from plant_server.sensors import readings
+from plant_server.telemetry import Failure, Telemetry
 from protocol.commands import Command
 from protocol.frames import Observation, ProtocolError, Reason, TorqueFrame, encode
-from protocol.states import State
 from protocol.wiring import neighbours
 
 INVALID_TORQUE_TICKS_MAX = 10
@@ -57,13 +58,14 @@ class Lockstep:
         self.refused: Counter[Reason] = Counter()
         self.saturated = 0
         self.invalid_torques = 0
+        self.telemetry = Telemetry(self.size)
         self.latest: list[TorqueFrame | None] = [None] * self.size
         """The last answer of each board, for whoever wants to know how it is."""
         self._events: list[list[Any]] = []
         self._answers: list[bytes | None] = [None] * self.size
         self._torques_nm = [0.0] * self.size
         self._invalid_ticks = [0] * self.size
-        self._undriven_since: list[int | None] = [None] * self.size
+        self._attendance = Attendance(config, self.body)
         self._given: dict[int, Observation] = {}
         """What each board was told in the open tick; empty between two ticks."""
         self._left: set[int] = set()
@@ -110,7 +112,7 @@ class Lockstep:
         """Give a joint to a board, from the tick that is about to be opened."""
         self.roster.admit(board, incarnation)
         if self.tick == -self.config.warm_up_ticks:
-            self._drive(board)
+            self._attendance.drive(board)
         self._events.append(["admitted", board, incarnation])
 
     def remove(self, board: int, why: str) -> None:
@@ -123,6 +125,7 @@ class Lockstep:
         self.roster.remove(board)
         self._answers[board] = b""
         self.latest[board] = None
+        self.telemetry.forget(board)
         self._torques_nm[board] = 0.0
         self._invalid_ticks[board] = 0
         # A board that has been given its observation may have acted on it before it went.
@@ -177,14 +180,32 @@ class Lockstep:
                 tick=self.tick,
             )
         except ProtocolError as error:
-            self.refused[error.reason] += 1
+            self.refuse(board, error.reason)
             return False
         if self._answers[board] is not None:
             return False
         self._answers[board] = payload
         self._torques_nm[board] = self._usable(board, frame.torque_nm)
         self.latest[board] = frame
+        self.telemetry.counted[board][frame.counter] = frame.counted
         return True
+
+    def report(self, board: int, payload: bytes) -> Failure | None:
+        """Take a part of what a board reports of its failure; the whole, if that was the last."""
+        about = {"run_id": self.run_id, "incarnation": self.roster.incarnations[board]}
+        try:
+            failure = self.telemetry.report(board, payload, **about, tick=self.tick)
+        except ProtocolError as error:
+            self.refuse(board, error.reason)
+            return None
+        if failure is not None:
+            self._events.append(["fault", board, int(failure.code), failure.text])
+        return failure
+
+    def refuse(self, board: int, reason: Reason) -> None:
+        """Count a frame that came as this board's and is none that could be used."""
+        self.refused[reason] += 1
+        self.telemetry.refused[board][reason] += 1
 
     def close(self) -> TickRecord:
         """End the tick: integrate to the next one, and return what happened in this one."""
@@ -193,7 +214,7 @@ class Lockstep:
         self._hand_over()
         applied = [0.0] * self.size
         if self.tick >= 0:
-            for board, since_tick in enumerate(self._undriven_since):
+            for board, since_tick in enumerate(self._attendance.undriven_since):
                 if since_tick is None:
                     applied[board] = self._torques_nm[board]
             self._push()
@@ -221,44 +242,21 @@ class Lockstep:
         """How the run ended, or that it was cut short, and by what."""
         ending = FELL if self.body.fallen else cut_short or COMPLETE
         state = tuple(self.body.angles_rad), tuple(self.body.rates_rad_s)
-        undriven = tuple(
-            Undriven(
-                self.config.joints[board],
-                since_tick,
-                self.config.unattended[board].how,
-                self.roster.present(board),
-            )
-            for board, since_tick in enumerate(self._undriven_since)
-            if since_tick is not None
-        )
-        return Outcome(self.tick, *state, ending, wall_s, undriven)
+        return Outcome(self.tick, *state, ending, wall_s, self._attendance.undriven(self.roster))
 
     def _hand_over(self) -> None:
         """Joints whose boards went during the tick, and those whose boards drive from now on."""
         for board in sorted(self._left):
             self._leave_alone(board)
         self._left.clear()
-        for board, frame in enumerate(self.latest):
-            waits = self._undriven_since[board] is not None
-            if waits and frame is not None and frame.state != State.SYNCING:
-                self._drive(board)
-
-    def _drive(self, board: int) -> None:
-        self._undriven_since[board] = None
-        self.body.release(board)
+        for board, since_tick in enumerate(self._attendance.undriven_since):
+            if since_tick is not None:
+                self._attendance.begin(board, self.latest[board])
 
     def _leave_alone(self, board: int) -> None:
-        """What becomes of a joint that has no board (S17)."""
-        if self._undriven_since[board] is None:
-            self._undriven_since[board] = self.tick
-        unattended = self.config.unattended[board]
-        match unattended:
-            case Unattended(how="braked"):
-                self._events.append(["energy_lost_j", board, self.body.brake(board)])
-            case Unattended(how="passive", stiffness_nm_rad=stiffness, damping_nm_s_rad=damping):
-                self.body.make_passive(board, stiffness, damping)
-            case _:
-                self.body.release(board)
+        event = self._attendance.leave(board, self.tick)
+        if event is not None:
+            self._events.append(event)
 
     def _push(self) -> None:
         forces_n = [0.0] * self.size

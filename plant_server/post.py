@@ -14,7 +14,7 @@ import zenoh
 from protocol import keys
 from protocol.wiring import Rig
 
-ENROL, ALIVE, CONTROL, STALLED = range(4)
+ENROL, ALIVE, CONTROL, STALLED, FAULT = range(5)
 TIMINGS_MAX = 4096
 """Boards say as much in some ten thousand ticks; whoever says more in one loses the oldest."""
 Event = tuple[int, Any]
@@ -47,6 +47,10 @@ class Post:
                 for joint in joints
             ),
             *(session.declare_subscriber(key, note) for key in self._timing_keys if records),
+            *(
+                session.declare_subscriber(keys.fault(name, joint), self._left(FAULT))
+                for joint in joints
+            ),
             session.declare_queryable(keys.ENROL, self._left(ENROL)),
             session.declare_queryable(keys.control(name), self._left(CONTROL)),
             alive.declare_subscriber(keys.any_alive(name), self._left(ALIVE), history=True),

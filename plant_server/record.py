@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 COMPLETE = "complete"
 FELL = "fell"
 STOPPED = "stopped"
-"""The ending of a run that was told to stop."""
+"""The endings of a run: it had its ticks, the body fell, it was told to stop."""
 
 
 class TickRecord(NamedTuple):
@@ -18,7 +18,7 @@ class TickRecord(NamedTuple):
     answers: tuple[bytes, ...]
     """Torque frames, from the ground up; empty where there was no board."""
     events: tuple[list[Any], ...]
-    """Commands that took effect, boards that came and went, verdicts: `[what, ...]`."""
+    """Commands that took effect, boards that came, went and failed, verdicts: `[what, ...]`."""
 
 
 class Walls(NamedTuple):

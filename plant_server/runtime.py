@@ -4,12 +4,9 @@ Everything that the network brings, on whichever thread, goes through one queue 
 that thinks.
 """
 
-import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 from queue import Empty
-from typing import NamedTuple
 
 import zenoh
 
@@ -17,10 +14,13 @@ from plant_server import control
 from plant_server.config import plant_config
 from plant_server.enrolment import Enrolment
 from plant_server.lockstep import Lockstep
-from plant_server.post import CONTROL, ENROL, STALLED, Event, Post
+from plant_server.options import Options
+from plant_server.post import CONTROL, ENROL, FAULT, STALLED, Event, Post
 from plant_server.record import STOPPED, Outcome, Walls
 from plant_server.recorder import Recorder
 from plant_server.spool import SpoolWriter
+from plant_server.voice import Voice
+from plant_server.watch import ENROLMENT_REQUESTS, Watch
 from protocol import keys
 from protocol.enrolment import Verdict, decode_request, encode_enrolment
 from protocol.frames import End, ProtocolError, Stalled, decode, encode, shortened
@@ -32,20 +32,8 @@ TELL_AFTER_S = 0.5
 """A wait shorter than this is not worth a line."""
 STALL_AFTER_S = 1.0
 LOOK_EVERY_S = 0.02
-PROGRESS_EVERY_S = 0.1
 FAREWELL_S = 0.5
 """How long the plant waits for boards to have heard that the run is over."""
-
-
-class Options(NamedTuple):
-    """How a plant process is to behave."""
-
-    spool: Path | None
-    """Where to record, if anywhere."""
-    progress: bool
-    """Whether a launcher reads what is said on standard output."""
-    patience_s: float | None
-    """How long a silent board is waited for; None: for ever."""
 
 
 class Runtime:
@@ -67,8 +55,9 @@ class Runtime:
         self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = post
         self._released_s: float | None = None
-        self._shown_s = 0.0
-        self._told = ""
+        self.voice = Voice(launcher=options.progress)
+        self._say, self._tell = self.voice.say, self.voice.tell
+        self.watch = Watch(self.joints)
         self._unplugging: int | None = None
         self._ending = False
         self._newcomers: set[int] = set()
@@ -152,7 +141,7 @@ class Runtime:
     def _tick(self) -> None:
         lockstep = self.lockstep
         if lockstep.tick == 0:
-            self._released_s = self._shown_s = time.monotonic()
+            self._released_s = time.monotonic()
         self._answered_ns = [0] * len(self.joints)
         opened_ns = time.monotonic_ns()
         for board, payload in lockstep.open():
@@ -165,13 +154,19 @@ class Runtime:
                 self._handle(self.post.events.get(timeout=patience_s))
             except Empty:
                 self._lose_patience()
+            now = time.monotonic()
+            if now > self.watch.storms.due_s:
+                self._look_for_storms(now)
         self._starved.clear()
         walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
         record = lockstep.close()
         if self.recorder is not None:
             self.recorder.keep(record, walls)
-        if self.options.progress:
-            self._show(record.tick)
+        self.voice.show(record.tick, self._released_s)
+
+    def _look_for_storms(self, now_s: float) -> None:
+        for storm in self.watch.look(now_s, self.lockstep):
+            self._tell(str(storm))
 
     def _lose_patience(self) -> None:
         """Nothing came for a while: say who is waited for; without endless patience, go on."""
@@ -206,13 +201,6 @@ class Runtime:
         self.post.observe(board, self.lockstep.observation(board))
         self._tell(f"{self.joints[board]} was silent for too long; going on without it")
 
-    def _show(self, tick: int) -> None:
-        """Tell the launcher how far the run is, now and then."""
-        now = time.monotonic()
-        if self._released_s is not None and now - self._shown_s >= PROGRESS_EVERY_S:
-            self._shown_s = now
-            self._say(f"{tick} {now - self._released_s:.6f}")
-
     def _handle(self, event: "zenoh.Sample | Event") -> None:
         if not isinstance(event, tuple):
             board = self.post.torque_keys[str(event.key_expr)]
@@ -225,25 +213,42 @@ class Runtime:
         elif kind == CONTROL:
             with content:
                 payload = b"" if content.payload is None else content.payload.to_bytes()
-                reply = control.answer(self.lockstep, self.joints, payload)
+                self.watch.enrolled = self.enrolment.enrolled
+                reply = control.answer(self.lockstep, self.joints, payload, self.watch)
                 content.reply(keys.control(self.rig.name), reply)
         elif kind == STALLED:
             self._starve(content)
+        elif kind == FAULT:
+            self._fail(content)
         elif content.kind == zenoh.SampleKind.DELETE:
             self._gone(str(content.key_expr))
 
     def _starve(self, sample: zenoh.Sample) -> None:
-        """A board waits for a frame; if its sender is gone, the frame will never come."""
-        with suppress(ProtocolError):
+        """A board waits for a frame, which never comes if its sender is gone; or it hangs."""
+        joint = keys.joint_of(str(sample.key_expr))
+        board = self.joints.index(joint)
+        try:
             frame = decode(Stalled, sample.payload.to_bytes())
-            joint = keys.joint_of(str(sample.key_expr))
-            board = self.joints.index(joint)
-            lockstep = self.lockstep
-            current = (lockstep.run_id, lockstep.roster.incarnations[board], lockstep.tick)
-            adjacent = frame.sender in neighbours(board, len(self.joints))
-            if adjacent and frame[:3] == current and board in lockstep.waiting_for:
-                self._starved[board] = frame.sender
-                self._excuse_orphans()
+        except ProtocolError as error:
+            self.watch.count(f"reports of {joint}", error.reason)
+            return
+        lockstep = self.lockstep
+        current = (lockstep.run_id, lockstep.roster.incarnations[board], lockstep.tick)
+        if frame[:3] != current or board not in lockstep.waiting_for:
+            return
+        if frame.sender == board:
+            self.watch.stuck[board] += 1
+            self._tell(f"{joint} is stuck in tick {frame.tick}; its own line says where")
+        elif frame.sender in neighbours(board, len(self.joints)):
+            self._starved[board] = frame.sender
+            self._excuse_orphans()
+
+    def _fail(self, sample: zenoh.Sample) -> None:
+        """A board has failed; it says so in parts."""
+        joint = keys.joint_of(str(sample.key_expr))
+        failure = self.lockstep.report(self.joints.index(joint), sample.payload.to_bytes())
+        if failure is not None:
+            self._tell(f"{joint} has failed in tick {self.lockstep.tick}: {failure}")
 
     def _enrol(self, query: zenoh.Query) -> None:
         with query:
@@ -251,6 +256,7 @@ class Runtime:
                 request = decode_request(b"" if query.payload is None else query.payload.to_bytes())
             except ProtocolError as error:
                 self._tell(f"cannot read an enrolment request: {error}")
+                self.watch.count(ENROLMENT_REQUESTS, error.reason)
                 return
             reply = self.enrolment.decide(request)
             if reply.verdict != Verdict.ACCEPTED:
@@ -286,14 +292,3 @@ class Runtime:
                 return
             with suppress(Empty):
                 self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
-
-    def _say(self, line: str) -> None:
-        """Tell the launcher, if there is one."""
-        if self.options.progress:
-            print(line, flush=True)
-
-    def _tell(self, line: str) -> None:
-        """Tell the user, once."""
-        if line != self._told:
-            self._told = line
-            print(f"plant: {line}", file=sys.stderr, flush=True)

@@ -180,7 +180,26 @@ class Stalled(NamedTuple):
     """Index of the board whose frame it is."""
 
 
-AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing
+class Fault(NamedTuple):
+    """Board to plant, before the torque of the tick in which it entered state `FAULT`."""
+
+    run_id: int
+    incarnation: int
+    tick: int
+    code: int
+    """A `protocol.states.FaultCode`."""
+    part: int
+    """Which part of the text this is, from 0."""
+    parts: int
+    """How many there are, 1 to `FAULT_PARTS_MAX`."""
+    text: str
+    """What went wrong and where, for people; parts are put together as they are."""
+
+
+FAULT_TEXT_BYTES_MAX = 160
+FAULT_PARTS_MAX = 10
+
+AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing | Fault
 AnyEntry = Neighbour | LinkUse | TickTiming
 Frame = TypeVar("Frame", bound=AnyFrame)
 
@@ -223,6 +242,7 @@ LAYOUTS: dict[type, Layout] = {
     End: Layout(4, (int, str)),
     Stalled: Layout(5, (int, int, int, int)),
     Timing: Layout(6, (int,) * 7, TickTiming),
+    Fault: Layout(7, (*(int,) * 6, str)),
 }
 
 _pack, _unpack = msgpack.Packer(use_bin_type=True).pack, msgpack.unpackb

@@ -17,8 +17,11 @@ START_PATIENCE_S = 5.0
 """How long opening a session and declaring everything may take: it needs a tenth of a second."""
 
 
-class StoppedError(Exception):
-    """The user, or whoever started this process, wants it to end."""
+class StoppedError(BaseException):
+    """The user, or whoever started this process, wants it to end.
+
+    Not an `Exception`, so that nobody who handles those keeps it for himself.
+    """
 
 
 def stop_on_signals() -> None:

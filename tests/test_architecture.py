@@ -15,6 +15,7 @@ SCRATCH = {"runs", "build", "__pycache__"}
 """What using the project leaves at the top level."""
 
 RUNTIMES = {
+    "module_agent/__main__.py",
     "module_agent/elector_runtime.py",
     "module_agent/post.py",
     "module_agent/runtime.py",
@@ -26,10 +27,10 @@ TALKS_TO_A_RIG = {"deploy/live.py", "deploy/zenoh_echo.py"}
 """Modules of `deploy` that may open a Zenoh session."""
 IMPURE = {
     *RUNTIMES,
-    "module_agent/__main__.py",
-    "plant_server/__main__.py",
+    "module_agent/watchdog.py",  # Watches a process; no frame passes through it.
     "plant_server/chunks.py",  # Writes on a thread of its own, to keep a disk away from the rest.
     "plant_server/facts.py",  # Says when a run began.
+    "plant_server/voice.py",  # Speaks for a process, not too often.
     "protocol/process.py",  # Ends a process; no frame passes through it.
 }
 LINES_MAX = 300

@@ -104,7 +104,8 @@ def test_every_link_leads_somewhere(target: str) -> None:
 
 
 def test_the_scenarios_by_example_can_be_run_and_the_pole_stands(tmp_path: Path) -> None:
-    pole, faults = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    own = section("A scenario of your own")
+    pole, faults = re.findall(r"```toml\n(.*?)```", own, re.DOTALL)
     path = tmp_path / "example.toml"
     path.write_text(f'extends = "paper"\n{faults}', encoding="utf-8")
     load(str(path))
@@ -115,7 +116,26 @@ def test_the_scenarios_by_example_can_be_run_and_the_pole_stands(tmp_path: Path)
 
 
 def test_settings_in_the_readme_can_be_set() -> None:
-    settings = re.findall(r"--set ([\w.]+=[\w.]+)", README)
+    settings = re.findall(r"--set ([\w.]+=[\w.:]+)", README)
     assert len(settings) > 5
     assert load("paper", settings).values["rig"]["base_port"] == 18_000
     assert "paper" in available()
+
+
+def test_the_controllers_by_example_are_those_that_come_along(tmp_path: Path) -> None:
+    """Word for word, but for what a module says first; and the lines that choose them are valid."""
+    own = section("Your own controller")
+    shown = re.findall(r"```python\n(.*?)```", own, re.DOTALL)
+    for code, name in zip(shown, ("hysteresis", "computed_torque"), strict=True):
+        source = (ROOT / f"deploy/scenarios/{name}.py").read_text(encoding="utf-8")
+        _, _, after_docstring = source.split('"""', 2)
+        assert code == after_docstring.lstrip()
+        assert len(code.splitlines()) <= 30
+    (chosen,) = re.findall(r"```toml\n(.*?)```", own, re.DOTALL)
+    path = tmp_path / "example.toml"
+    path.write_text(f'extends = "paper"\n{chosen}', encoding="utf-8")
+    values = load(str(path)).values
+    assert values["election"]["rule"]["class"] == "hysteresis:Hysteresis"
+    assert [board["controller"]["class"] for board in values["board"]] == [
+        "computed_torque:ComputedTorque"
+    ] * 3

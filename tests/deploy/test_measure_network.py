@@ -46,7 +46,7 @@ def with_frames(wanted: Case) -> list[Epoch]:
         assert all(board.missing() is None for board in boards)
         for sender, said in [(board, board.tick()) for board in boards]:
             for other, payload in zip(sender.config.neighbours, said, strict=True):
-                link = boards[other].config.neighbours.index(sender.config.board)
+                link = boards[other].config.neighbours.index(sender.config.index)
                 boards[other].hear(link, payload)
         ballots = [ballot for board in boards if (ballot := board.ballot()) is not None]
         if ballots:

@@ -13,7 +13,8 @@ from deploy.twin import run_twin
 
 KEYS = {
     "scenario", "seed", "mode", "controller", "ending", "ticks", "simulated_s", "wall_s",
-    "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "versions",
+    "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "faults",
+    "versions",
 }  # fmt: skip
 
 
@@ -37,6 +38,7 @@ def test_it_says_what_was_run_and_what_came_out(second: Trajectory) -> None:
     assert set(found["indices"]) == {"TS", "KNEE", "BS"}
     assert set(found["energy_j"]) == {"positive", "absolute", "net"}
     assert found["consensus"]["epochs"] == 10
+    assert found["faults"] == []
     assert None not in found["versions"].values()
 
 

@@ -6,10 +6,8 @@ from math import sin
 from typing import Any
 
 from module_agent.board import Actuation, Board
-from module_agent.config import BoardConfig, Controls
-from module_agent.election import ElectionConfig
+from module_agent.config import BoardConfig, Controls, ElectionConfig, ServoGains
 from module_agent.kinematics import Link
-from module_agent.servo import ServoGains
 from protocol.commands import PERFECT
 from protocol.frames import (
     NO_TICK,

@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from module_agent.consensus import Candidate, Gossip, MaxConsensus
+from module_agent.controller import Candidate
+from module_agent.election import Gossip
 from protocol.frames import NO_EPOCH
+from tests.module_agent.player import Player
 
 LAW = settings(max_examples=150, deadline=None, derandomize=True)
 Z_99_9 = 3.29  # Half width of a 99.9 % interval, in standard deviations.
@@ -70,16 +72,16 @@ def diameter(graph: Graph) -> int:
     return longest
 
 
-def begin(urgencies: Sequence[float], rounds: int) -> list[MaxConsensus]:
+def begin(urgencies: Sequence[float], rounds: int) -> list[Player]:
     boards = [
-        MaxConsensus(board=i, period_ticks=rounds + 1, rounds=rounds) for i in range(len(urgencies))
+        Player(board=i, period_ticks=rounds + 1, rounds=rounds) for i in range(len(urgencies))
     ]
     for board, urgency in zip(boards, urgencies, strict=True):
         board.begin(0, urgency)
     return boards
 
 
-def play(boards: list[MaxConsensus], graph: Graph) -> list[bool]:
+def play(boards: list[Player], graph: Graph) -> list[bool]:
     """One round: all say, then all hear. Returns who shall latch."""
     said = [board.gossip for board in boards]
     for board, near in zip(boards, graph, strict=True):
@@ -194,7 +196,7 @@ def test_late_gossip_only_delays_agreement(
 @LAW
 @given(st.integers(-3, 6).filter(lambda epoch: epoch != 2), URGENCIES)
 def test_gossip_of_another_epoch_never_enters(epoch: int, urgency: float) -> None:
-    board = MaxConsensus(board=0, period_ticks=10, rounds=3)
+    board = Player(board=0, period_ticks=10, rounds=3)
     board.begin(20, 0.1)
     for _ in range(3):
         board.hear(Gossip(epoch, 1, Candidate(100.0 + urgency, 1)))
@@ -204,18 +206,19 @@ def test_gossip_of_another_epoch_never_enters(epoch: int, urgency: float) -> Non
 
 
 def test_nothing_enters_before_the_first_epoch_or_after_the_last_round() -> None:
-    board = MaxConsensus(board=0, period_ticks=10, rounds=2)
+    board = Player(board=0, period_ticks=10, rounds=2)
     board.hear(Gossip(NO_EPOCH, 0, Candidate(9.0, 1)))
     assert not board.advance()
     assert board.best == Candidate(0.0, 0)
     board.begin(0, 0.5)
     assert [board.advance(), board.advance(), board.advance()] == [False, True, False]
     board.hear(Gossip(0, 2, Candidate(9.0, 1)))
+    assert not board.advance()
     assert board.best == Candidate(0.5, 0)
 
 
 def test_an_epoch_knows_nothing_of_the_one_before() -> None:
-    board = MaxConsensus(board=0, period_ticks=10, rounds=1)
+    board = Player(board=0, period_ticks=10, rounds=1)
     board.begin(0, 0.1)
     board.hear(Gossip(0, 0, Candidate(5.0, 1)))
     assert board.advance()
@@ -226,9 +229,10 @@ def test_an_epoch_knows_nothing_of_the_one_before() -> None:
 
 
 def test_a_nan_never_displaces_a_number() -> None:
-    board = MaxConsensus(board=0, period_ticks=10, rounds=1)
+    board = Player(board=0, period_ticks=10, rounds=1)
     board.begin(0, 0.1)
     board.hear(Gossip(0, 0, Candidate(float("nan"), 1)))
+    board.advance()
     assert board.best == Candidate(0.1, 0)
 
 
@@ -239,7 +243,7 @@ WATCHED_ROUNDS_MAX = 60
 ENDS, MIDDLE = [0.9, 0.5, 0.1], [0.5, 0.9, 0.1]
 
 
-def _lossy_round(boards: list[MaxConsensus], heard: float, chance: random.Random) -> None:
+def _lossy_round(boards: list[Player], heard: float, chance: random.Random) -> None:
     said = [board.gossip for board in boards]
     for receiver, sender in ((0, 1), (1, 0), (1, 2), (2, 1)):
         if chance.random() < heard:

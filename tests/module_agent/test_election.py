@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from module_agent.consensus import Candidate, Gossip
-from module_agent.election import Election, ElectionConfig, Heard
+from module_agent.config import ElectionConfig
+from module_agent.consensus import MaxConsensus
+from module_agent.controller import Candidate
+from module_agent.election import Election, Gossip, Heard
 from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel
 from protocol.commands import (
@@ -33,6 +35,7 @@ from tests.module_agent.robot import (
     still,
     torque,
 )
+from tests.module_agent.robot import config as board_config
 
 LAW = settings(max_examples=200, deadline=None, derandomize=True)
 Z_99 = 2.576  # Half width of a 99 % interval, in standard deviations.
@@ -41,7 +44,7 @@ PERIOD = 10
 
 def election(*, keeps_last: bool, rounds: int = 3, board: int = 1) -> Election:
     config = ElectionConfig(period_ticks=PERIOD, rounds=rounds, keeps_last=keeps_last)
-    return Election(config, board=board)
+    return Election(config, MaxConsensus(board_config(board)), board=board)
 
 
 def heard(link: int, urgency: float, epoch: int = 0, round_: int = 0) -> Heard:
@@ -156,7 +159,7 @@ def test_a_tick_in_which_nothing_is_due_changes_nothing(
             when_due.tick(tick, 1.0, said, [0, 1])
         assert when_due.enabled == always.enabled
         assert when_due.incomplete_epochs == always.incomplete_epochs
-        assert when_due.consensus.gossip == always.consensus.gossip
+        assert when_due.gossip == always.gossip
 
 
 # --- Three boards on lossy links -----------------------------------------------------------------
@@ -168,7 +171,9 @@ class Chain:
     def __init__(self, *, standing: LinkParameters, rounds: int, seed: int, period: int) -> None:
         config = ElectionConfig(period, rounds, keeps_last=False)
         self.period = period
-        self.elections = [Election(config, board=board) for board in range(3)]
+        self.elections = [
+            Election(config, MaxConsensus(board_config(board)), board=board) for board in range(3)
+        ]
         self.ears = [
             [
                 Hearing(
@@ -197,7 +202,7 @@ class Chain:
         return [one.enabled for one in self.elections]
 
     def _say(self, tick: int, sender: int) -> None:
-        epoch, round_, (urgency, candidate) = self.elections[sender].consensus.gossip
+        epoch, round_, (urgency, candidate) = self.elections[sender].gossip
         frame = LinkFrame(
             RUN, 1, tick, NO_TICK, epoch, round_, urgency, candidate, NO_TICK, *(0.0,) * 7
         )

@@ -26,7 +26,7 @@ def electors(near: Near, *, rounds: int, watched: int = 0, loss: float = 0.0) ->
     return [
         Elector(
             ElectorConfig(
-                board=board,
+                index=board,
                 neighbours=others,
                 boards=len(near),
                 seed=5,
@@ -47,7 +47,7 @@ def play(boards: list[Elector], epochs: int) -> list[list[Ballot]]:
         said = [board.tick() for board in boards]
         for board in boards:
             for link, sender in enumerate(board.config.neighbours):
-                to = boards[sender].config.neighbours.index(board.config.board)
+                to = boards[sender].config.neighbours.index(board.config.index)
                 board.hear(link, said[sender][to])
         ballots = [board.ballot() for board in boards]
         if ballots[0] is not None:

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from deploy.scenario import load
 from deploy.trajectory import Trajectory, trajectory
 from deploy.twin import run_twin
-from module_agent.consensus import Candidate, Gossip, MaxConsensus
+from module_agent.controller import Candidate
+from module_agent.election import Gossip
 from protocol.frames import TorqueFrame, decode
+from tests.module_agent.player import Player
 
 Floats = NDArray[np.float64]
 Graph = tuple[tuple[int, ...], ...]
@@ -67,9 +69,9 @@ def consensus(urgencies: tuple[float, ...], graph: Graph, rounds: int) -> list[l
     return history
 
 
-def elect(board: int, urgency: float, rounds: int) -> MaxConsensus:
+def elect(board: int, urgency: float, rounds: int) -> Player:
     """One board at the beginning of epoch 3."""
-    node = MaxConsensus(board=board, period_ticks=PERIOD_TICKS, rounds=rounds)
+    node = Player(board=board, period_ticks=PERIOD_TICKS, rounds=rounds)
     node.begin(3 * PERIOD_TICKS, urgency)
     return node
 
@@ -251,8 +253,10 @@ def test_an_epoch_hears_nothing_of_another() -> None:
     node = elect(0, 0.1, ROUNDS)
     for epoch in (2, 4, -1):
         node.hear(Gossip(epoch, 0, Candidate(9.9, 1)))
+    node.advance()
     assert node.best == Candidate(0.1, 0)
     node.hear(Gossip(3, 0, Candidate(9.9, 1)))
+    node.advance()
     assert node.best == Candidate(9.9, 1)
 
 

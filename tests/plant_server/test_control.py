@@ -12,7 +12,7 @@ from plant_server.control import ONE_WAY_AFTER_TICKS, STATUS, answer
 from plant_server.lockstep import Lockstep
 from protocol.commands import Command, LinkParameters
 from protocol.frames import VERSION, LinkUse, TorqueFrame, encode, seal
-from protocol.states import State
+from protocol.states import Counters, State
 from tests.plant_server.plant import (
     ANKLE,
     HIP,
@@ -174,7 +174,7 @@ def test_garbage_is_refused_and_harms_nobody() -> None:
 
 def test_the_status_tells_of_boards_and_of_whom_the_plant_waits_for() -> None:
     lockstep = plant()
-    assert [board["state"] for board in ask(lockstep, STATUS)["boards"]] == ["joining"] * 3
+    assert [board["state"] for board in ask(lockstep, STATUS)["boards"]] == ["enrolling"] * 3
     play(lockstep, 7.0, 8.0, 9.0)
     lockstep.remove(HIP, "died")
     play(lockstep, 7.0, 8.0)
@@ -188,11 +188,13 @@ def test_the_status_tells_of_boards_and_of_whom_the_plant_waits_for() -> None:
     assert status["sides"] == [["ankle", "knee"]]
     running = {"state": "running", "enabled": True, "torque_nm": 7.0, "controlled_rad": 0.0}
     syncing = {"state": "syncing", "enabled": True, "torque_nm": 0.0, "controlled_rad": 0.0}
+    healthy = {"fault": None, "stuck": 0, "counters": Counters()._asdict()}
     assert status["boards"] == [
-        {"joint": "ankle", "incarnation": 1, **running},
-        {"joint": "knee", "incarnation": 2, **syncing},
-        {"joint": "hip", "incarnation": 0, "state": "absent", "enabled": False},
+        {"joint": "ankle", "incarnation": 1, **healthy, **running},
+        {"joint": "knee", "incarnation": 2, **healthy, **syncing},
+        {"joint": "hip", "incarnation": 0, **healthy, "state": "absent", "enabled": False},
     ]
+    assert status["storms"] == []
 
 
 def test_the_status_tells_what_links_suffer_from() -> None:

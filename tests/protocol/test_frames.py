@@ -16,10 +16,13 @@ from protocol.enrolment import (
     encode_enrolment,
 )
 from protocol.frames import (
+    FAULT_TEXT_BYTES_MAX,
     FRAME_BYTES_MAX,
     LAYOUTS,
+    TEXT_BYTES_MAX,
     VERSION,
     End,
+    Fault,
     LinkFrame,
     LinkUse,
     Neighbour,
@@ -56,6 +59,7 @@ SAMPLES: list[Any] = [
     End(2**31, "complete"),
     Stalled(2**31, 1, 7, 2),
     Timing(2**31, 1, 7, 2**46, 2**32 - 1, 10**6, 33000, (TickTiming(0, 99, 130, -1, 12),) * 2),
+    Fault(2**31, 1, 7, 2, 0, 1, "nan, which is no finite number"),
 ]
 ENROLMENTS: list[Any] = [
     EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 0, 10.0, 0.5, 0.25, 0.2),
@@ -259,7 +263,7 @@ def _worst(kind: Any) -> Any:
     values: dict[type, Any] = {
         int: 2**64 - 1,
         float: 1e-300,
-        str: "x" * 200,
+        str: "x" * (FAULT_TEXT_BYTES_MAX if kind is Fault else TEXT_BYTES_MAX),
         bytes: bytes(LONGEST_COMMAND),
     }
     fields = [values[of] for of in _types(kind)]

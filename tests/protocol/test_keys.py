@@ -31,6 +31,7 @@ def _all_keys(rig: str) -> list[str]:
             keys.torque,
             keys.stalled,
             keys.timing,
+            keys.fault,
             lambda r, j: keys.alive(r, j, 1),
         )
         for joint in JOINTS
@@ -78,5 +79,6 @@ def test_a_token_names_its_board(rig: str, joint: str, boot: int) -> None:
 
 @settings(deadline=None, derandomize=True)
 @given(NAMES, NAMES)
-def test_a_stall_names_its_board(rig: str, joint: str) -> None:
+def test_a_report_names_its_board(rig: str, joint: str) -> None:
     assert keys.joint_of(keys.stalled(rig, joint)) == joint
+    assert keys.joint_of(keys.fault(rig, joint)) == joint

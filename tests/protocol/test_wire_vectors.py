@@ -17,6 +17,7 @@ from protocol.frames import (
     LAYOUTS,
     AnyFrame,
     End,
+    Fault,
     LinkFrame,
     LinkUse,
     Neighbour,
@@ -37,6 +38,7 @@ KINDS: dict[str, Any] = {
         End,
         Stalled,
         Timing,
+        Fault,
         EnrolmentRequest,
         EnrolmentReply,
     )
@@ -182,6 +184,7 @@ def test_every_key_is_in_the_table_of_the_specification() -> None:
         keys.link("{rig}", "{joint}", "{neighbour}"),
         keys.stalled("{rig}", "{joint}"),
         keys.timing("{rig}", "{joint}"),
+        keys.fault("{rig}", "{joint}"),
         keys.control("{rig}"),
         keys.end("{rig}"),
         keys.plant_alive("{rig}"),

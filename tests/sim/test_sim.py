@@ -5,7 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from module_agent.board import Actuation, Board
-from module_agent.consensus import Candidate, MaxConsensus
+from module_agent.consensus import MaxConsensus
+from module_agent.controller import Candidate, Round, Vote
 from module_agent.hearing import Hearing
 from plant_server.lockstep import Lockstep
 from protocol.frames import LinkFrame, Neighbour, Observation, TorqueFrame, decode, encode
@@ -37,8 +38,13 @@ def test_plans_differ_in_kind() -> None:
     assert {one.rates.death > 0.0 for one in plans} == {False, True}
 
 
-def _everybody(_consensus: MaxConsensus) -> bool:
-    return True
+def _everybody() -> Callable[..., Vote]:
+    vote = MaxConsensus.vote
+
+    def sabotaged(self: MaxConsensus, now: Round) -> Vote:
+        return vote(self, now)._replace(enabled=True)
+
+    return sabotaged
 
 
 def _late_answer(frame: TorqueFrame) -> TorqueFrame:
@@ -68,10 +74,17 @@ def _hears_anybody() -> Callable[..., list[LinkFrame]]:
     return sabotaged
 
 
-def _made_up(self: MaxConsensus, tick: int, _urgency: float) -> None:
+def _made_up() -> Callable[..., Vote]:
     """An urgency that nobody claims."""
-    self.epoch, self.round = tick // self.period_ticks, 0
-    self.best = self._own = Candidate(9.0, (self.board + 1) % 2)
+    vote = MaxConsensus.vote
+
+    def sabotaged(self: MaxConsensus, now: Round) -> Vote:
+        cast = vote(self, now)
+        if now.number == 0:
+            self.best = Candidate(9.0, (self.board + 1) % 2)
+        return cast._replace(best=self.best)
+
+    return sabotaged
 
 
 def _keeps_no_incarnation() -> Callable[..., None]:
@@ -87,8 +100,8 @@ def _keeps_no_incarnation() -> Callable[..., None]:
 @pytest.mark.parametrize(
     ("owner", "name", "sabotaged", "law"),
     [
-        (MaxConsensus, "elected", property(_everybody), "S13"),
-        (MaxConsensus, "begin", _made_up, "S11"),
+        (MaxConsensus, "vote", _everybody(), "S13"),
+        (MaxConsensus, "vote", _made_up(), "S11"),
         (Board, "tick", _answer_with(_late_answer), "S11"),
         (Board, "tick", _answer_with(lambda f: f._replace(torque_nm=float("nan"))), "S17"),
         (

@@ -2,6 +2,8 @@
 
 import json
 import random
+import re
+import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -19,7 +21,7 @@ from protocol.frames import NO_TICK, LinkFrame, TorqueFrame, decode, encode, sea
 from protocol.states import COUNTERS
 from protocol.wiring import Rig as Address
 from protocol.wiring import rig_of, terminal_session
-from tests.system.rig import Process, Rig, eventually, said, twin_digest
+from tests.system.rig import Process, Rig, decmesh, eventually, said, twin_digest
 
 PAYLOADS = 100_000
 SETTINGS = ("run.duration_s=6",)
@@ -173,3 +175,44 @@ def test_boards_count_what_they_refuse(make_rig: Callable[..., Rig], joint: str)
     assert counts["refused_corrupt"] > 0
     assert counts["refused_malformed"] > 0
     assert counts["refused_size"] > 0
+
+
+def test_a_storm_is_flagged_by_whoever_it_hits(make_rig: Callable[..., Rig]) -> None:
+    """Frames by the thousand on a board's link and on the plant's key: one line each, and the
+    status shows both. The hip is stopped meanwhile, so the storm need not outrun any ticks."""
+    rig = make_rig("run.duration_s=600")
+    plant = rig.plant("--progress")
+    boards = {joint: rig.board(joint) for joint in rig.scenario.joints}
+    eventually(lambda: said(plant))
+    address = rig.scenario.values["rig"]
+    name, port = address["name"], address["base_port"]
+    to_knee, to_plant = keys.link(name, "hip", "knee"), keys.torque(name, "hip")
+    over = threading.Event()
+
+    def rage(session: zenoh.Session) -> None:
+        while not over.is_set():
+            for _ in range(100):
+                session.put(to_knee, b"rubbish")
+                session.put(to_plant, b"rubbish")
+
+    def shown() -> dict[str, str]:
+        found = decmesh("status", "--json", "--rig", f"127.0.0.1:{port}").stdout
+        return {storm["origin"]: storm["reason"] for storm in json.loads(found)["storms"]}
+
+    with attacker(rig_of(rig.scenario.values)) as session:
+        wait_until_heard(session, [to_knee, to_plant])
+        boards["hip"].send_signal(signal.SIGSTOP)
+        raging = threading.Thread(target=rage, args=(session,))
+        raging.start()
+        try:
+            eventually(lambda: "knee: a storm: " in said(boards["knee"]))
+            eventually(lambda: "plant: a storm: " in said(plant))
+            assert re.search(r"[\d,]+ frames of hip a second are refused", said(boards["knee"]))
+            assert re.search(r"[\d,]+ frames of hip a second are refused", said(plant))
+            eventually(lambda: shown().get("frames of hip") == "corrupt")
+        finally:
+            over.set()
+            raging.join()
+            boards["hip"].send_signal(signal.SIGCONT)
+    assert said(boards["ankle"]).count("a storm") == 0
+    eventually(lambda: shown() == {}, patience_s=60.0)
