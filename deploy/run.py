@@ -13,7 +13,7 @@ from plant_server.facts import facts
 from plant_server.record import STOPPED, fall_line
 from plant_server.spool import SpoolWriter
 from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError
+from protocol.process import StoppedError, undisturbed
 from protocol.scenario import ResolvedScenario
 
 SUMMARY = "summary.json"
@@ -80,10 +80,12 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     stopped = None
     with SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool:
         try:
-            for record in twin.run():
+            while not twin.lockstep.over:
+                with undisturbed:
+                    record = twin.tick()
+                    spool.append(record, None)
                 if record.tick == 0:
                     started = time.monotonic()
-                spool.append(record, None)
                 watch.on_tick(record.tick)
         except StoppedError:
             stopped = STOPPED

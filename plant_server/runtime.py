@@ -24,7 +24,7 @@ from plant_server.spool import SpoolWriter
 from protocol import keys
 from protocol.enrolment import Verdict, decode_request, encode_enrolment
 from protocol.frames import End, ProtocolError, Stalled, decode, encode, shortened
-from protocol.process import StoppedError
+from protocol.process import StoppedError, undisturbed
 from protocol.scenario import ResolvedScenario, run_id
 from protocol.wiring import Rig, neighbours
 
@@ -158,7 +158,8 @@ class Runtime:
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         if self.recorder is not None:
-            self.recorder.write(self.post.timings())
+            with undisturbed:
+                self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -167,9 +168,10 @@ class Runtime:
                 self._lose_patience()
         self._starved.clear()
         walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
-        record = lockstep.close()
-        if self.recorder is not None:
-            self.recorder.keep(record, walls)
+        with undisturbed:  # A body that is half way to the next tick is no ending.
+            record = lockstep.close()
+            if self.recorder is not None:
+                self.recorder.keep(record, walls)
         if self.options.progress:
             self._show(record.tick)
 
