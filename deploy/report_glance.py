@@ -89,7 +89,7 @@ def _frames(run: Run, *counted: Fate) -> str:
 
 
 def _versions(run: Run) -> str:
-    return ", ".join(f"{name} {version or NONE}" for name, version in run.versions.items())
+    return ", ".join(f"{name} {version or NONE}" for name, version in run.versions.items()) or NONE
 
 
 FACTS: dict[str, Callable[[Run], str]] = {

@@ -49,7 +49,7 @@ class Run:
     @property
     def versions(self) -> dict[str, str | None]:
         """With which versions it was run."""
-        found: dict[str, str | None] = self.recording.facts["versions"]
+        found: dict[str, str | None] = self.recording.facts.get("versions", {})
         return found
 
     @property
@@ -81,7 +81,7 @@ def look_at(recording: Recording, label: str, number: int = 1) -> Run:
         number,
         label,
         recording,
-        summary(trajectory, mode=recording.facts["mode"]),
+        summary(trajectory, mode=recording.facts.get("mode", "processes")),
         epochs(trajectory),
         counts(recording),
         timeline(trajectory),

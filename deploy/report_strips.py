@@ -55,7 +55,7 @@ class Limits(NamedTuple):
 
 def limits(runs: Sequence[Strips]) -> Limits:
     """Find limits that hold everything in all runs."""
-    end_s = max(run.recording.trajectory.ticks * _tick_s(run) for run in runs)
+    end_s = max(max(run.recording.trajectory.ticks, 1) * _tick_s(run) for run in runs)
     every = [run.epochs for run in runs if run.epochs is not None]
     w_deg = np.concatenate([[1.0], *(np.degrees(found.w_rad).ravel() for found in every)])
     known = w_deg[np.isfinite(w_deg) & (w_deg > W_FLOOR_DEG)]

@@ -41,7 +41,7 @@ NOT_TIMED = "No one-way times: the boards told the plant of none."
 
 def traffic(runs: Sequence[Run], pictures: Pictures) -> Section:
     """Fates and one-way times, as figures and as numbers; or why there are none."""
-    linked = [run for run in runs if run.links]
+    linked = [run for run in runs if any(link.sent for link in run.links)]
     ways = {run.number: found for run in linked if (found := _ways_ms(run))}
     blocks: list[Block] = [
         *pictures.each(
@@ -59,6 +59,8 @@ def traffic(runs: Sequence[Run], pictures: Pictures) -> Section:
     if ways:
         blocks.append(_ways_table(runs, ways))
     blocks += remarks(runs, [run for run in runs if not run.links], "One board has no links.")
+    quiet = [run for run in runs if run.links and run not in linked]
+    blocks += remarks(runs, quiet, "It ended before the first frame.")
     silent = [run for run in linked if run.number not in ways]
     for why in (NO_WALL_TIME, NO_SHARED_CLOCK, NOT_TIMED):
         blocks += remarks(runs, [run for run in silent if _why_untimed(run) == why], why)

@@ -14,7 +14,7 @@ from plant_server.facts import facts
 from plant_server.record import STOPPED, fall_line
 from plant_server.spool import SpoolWriter
 from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError
+from protocol.process import StoppedError, undisturbed
 from protocol.scenario import ResolvedScenario
 
 SUMMARY = "summary.json"
@@ -84,10 +84,12 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
         redirect_stdout(sys.stderr),  # What a controller prints is none of our output.
     ):
         try:
-            for record in twin.run():
+            while not twin.lockstep.over:
+                with undisturbed:
+                    record = twin.tick()
+                    spool.append(record, None)
                 if record.tick == 0:
                     started = time.monotonic()
-                spool.append(record, None)
                 watch.on_tick(record.tick)
                 for event in record.events:
                     if event[0] == "fault":

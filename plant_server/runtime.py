@@ -24,7 +24,7 @@ from plant_server.watch import ENROLMENT_REQUESTS, Watch
 from protocol import keys
 from protocol.enrolment import Verdict, decode_request, encode_enrolment
 from protocol.frames import End, ProtocolError, Stalled, decode, encode, shortened
-from protocol.process import StoppedError
+from protocol.process import StoppedError, undisturbed
 from protocol.scenario import ResolvedScenario
 from protocol.wiring import Rig, neighbours
 
@@ -147,7 +147,8 @@ class Runtime:
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         if self.recorder is not None:
-            self.recorder.write(self.post.timings())
+            with undisturbed:
+                self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -159,9 +160,10 @@ class Runtime:
                 self._look_for_storms(now)
         self._starved.clear()
         walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
-        record = lockstep.close()
-        if self.recorder is not None:
-            self.recorder.keep(record, walls)
+        with undisturbed:  # A body that is half way to the next tick is no ending.
+            record = lockstep.close()
+            if self.recorder is not None:
+                self.recorder.keep(record, walls)
         self.voice.show(record.tick, self._released_s)
 
     def _look_for_storms(self, now_s: float) -> None:

@@ -1,4 +1,8 @@
-"""How every process of a rig is stopped: a signal, or the end of the one that started it."""
+"""How every process of a rig is stopped: a signal, or the end of the one that started it.
+
+A stop comes as an exception, at whatever the main thread is doing. What must be done whole or not
+at all, such as to close a tick and record it, is done `with undisturbed:`; the stop comes after it.
+"""
 
 import os
 import signal
@@ -7,7 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, TracebackType
 
 STOP_PATIENCE_S = 1.5
 """How long a process may take to close its session before it is ended from within."""
@@ -24,12 +28,43 @@ class StoppedError(BaseException):
     """
 
 
+class Undisturbed:
+    """Keeps a stop waiting; a context, for the main thread, not to be entered twice."""
+
+    def __init__(self) -> None:
+        self._entered = False
+        self._stopped = False
+
+    def __enter__(self) -> None:
+        self._entered = True
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        stopped, self._entered, self._stopped = self._stopped, False, False
+        if stopped and error is None:
+            raise StoppedError
+
+    def stop(self) -> None:
+        """Raise `StoppedError`, now or when it no longer disturbs."""
+        if not self._entered:
+            raise StoppedError
+        self._stopped = True
+
+
+undisturbed = Undisturbed()
+"""The one of this process."""
+
+
 def stop_on_signals() -> None:
     """Turn SIGINT and SIGTERM into one `StoppedError` in the main thread; later ones do nothing."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         ignore_signals()
-        raise StoppedError
+        undisturbed.stop()
 
     signal.signal(signal.SIGINT, stop)
     signal.signal(signal.SIGTERM, stop)
