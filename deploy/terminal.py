@@ -53,10 +53,10 @@ def progress(label: str, total: float) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left while work goes on; yields what to call with work done."""
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        TextColumn("left; Ctrl-C keeps what is done", style="dim"),
+        TextColumn("left, Ctrl-C keeps what is done", style="dim"),
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(label, total=total)

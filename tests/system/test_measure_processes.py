@@ -20,6 +20,7 @@ from protocol.exit_codes import ExitCode
 from tests.system.rig import alive, children_of, eventually
 
 EPOCHS = 60
+ELECTOR = "module_agent.elector_runtime"
 
 
 def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> Case:
@@ -53,9 +54,9 @@ def test_a_board_that_dies_ends_the_measurement_by_name_and_the_others_go() -> N
     wanted = case("line", 3, 0.0)._replace(epochs=10**6)
     with closing(play(wanted)) as epochs:
         next(epochs)
-        children = children_of(os.getpid())
+        children = [pid for pid in children_of(os.getpid()) if ELECTOR in _words(pid)]
         assert len(children) == 3
-        victim = next(pid for pid in children if "--board\0001" in _words(pid))
+        victim = next(pid for pid in children if _option(pid, "--board") == "1")
         os.kill(victim, signal.SIGKILL)
         with pytest.raises(RunFailedError, match="board1 ended with code -9") as caught:
             list(epochs)
@@ -63,8 +64,13 @@ def test_a_board_that_dies_ends_the_measurement_by_name_and_the_others_go() -> N
     eventually(lambda: not any(map(alive, children)))
 
 
-def _words(pid: int) -> str:
-    return Path(f"/proc/{pid}/cmdline").read_text()
+def _words(pid: int) -> list[str]:
+    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+
+
+def _option(pid: int, name: str) -> str:
+    words = _words(pid)
+    return words[words.index(name) + 1]
 
 
 def test_a_ctrl_c_keeps_what_is_done_and_leaves_no_process(tmp_path: Path) -> None:
