@@ -14,10 +14,10 @@ import pytest
 
 from deploy.measure_consensus import grid
 from deploy.measure_network import Case, Network
-from deploy.measure_processes import play
+from deploy.measure_processes import boards_max, play
 from deploy.processes import RunFailedError
 from protocol.exit_codes import ExitCode
-from tests.system.rig import alive, children_of, eventually
+from tests.system.rig import alive, children_of, decmesh, eventually
 
 EPOCHS = 60
 ELECTOR = "module_agent.elector_runtime"
@@ -102,6 +102,15 @@ def _ticks(pid: int) -> int:
     """CPU time that a process has used, in clock ticks."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return int(fields[11]) + int(fields[12])
+
+
+def test_what_does_not_fit_on_the_machine_is_left_out_and_said(tmp_path: Path) -> None:
+    small = ("--graph", "line", "--loss", "0", "--epochs", "5", "--out", str(tmp_path), "--json")
+    too_many = boards_max() + 1
+    done = decmesh("measure", "consensus", "--processes", "--boards", f"2,{too_many}", *small)
+    assert done.returncode == ExitCode.OK
+    assert re.match(rf"{too_many} boards are too many .* takes \d+ .*; left out$", done.stderr)
+    assert [case["boards"] for case in json.loads(done.stdout)["cases"]] == [2]
 
 
 def test_a_taken_port_is_one_line() -> None:
