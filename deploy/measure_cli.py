@@ -6,23 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
+from rich.table import Table
 
 from deploy import machine
 from deploy import run as runs
 from deploy.all_cores import work_off
 from deploy.failure import FailedError
 from deploy.scenario import load
-from deploy.terminal import (
-    JsonOption,
-    OutOption,
-    SetOption,
-    err,
-    out,
-    print_files,
-    print_json,
-    print_table,
-    progress,
-)
+from deploy.terminal import JsonOption, OutOption, SetOption, err, progress, tell
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError
 
@@ -121,15 +112,15 @@ def te(
         results, complete = work_off(measuring.measure, cases, lambda _result: advance(1))
     results = measuring.in_order(results)
     if results:
-        files = [folder / measuring.CSV]
-        measuring.write_csv(results, files[0])
-        files += te_figure(results, usual["election"]["period_ticks"] * tick_s, folder / "te")
-        if as_json:
-            found = [{"period_s": period_s, **summary} for period_s, summary in results]
-            print_json({"complete": complete, "runs": found, "files": files})
-        else:
-            print_table(te_table(results))
-            print_files(files)
+        usual_s: float = usual["election"]["period_ticks"] * tick_s
+
+        def write() -> list[Path]:
+            measuring.write_csv(results, folder / measuring.CSV)
+            return [folder / measuring.CSV, *te_figure(results, usual_s, folder / "te")]
+
+        found = [{"period_s": period_s, **summary} for period_s, summary in results]
+        facts = {"complete": complete, "runs": found}
+        tell(facts, [te_table(results)], write, as_json=as_json)
     if not complete:
         err.print(f"{len(results)} of {len(cases)} runs were done")
         raise StoppedError
@@ -209,19 +200,16 @@ def _tell_consensus(
         if measure_theory.applies(case)
         for line in measure_theory.beside(case, epochs)
     ]
-    files = [folder / measure_consensus.CSV]
-    measure_consensus.write_csv(rows, files[0])
-    files += consensus_figure(rows, folder / "consensus")
-    if as_json:
-        found = {"complete": complete, "cases": rows, "line_of_three": beside}
-        print_json({**found, "files": files})
-        return
-    print_table(measure_table.rounds_table(rows))
-    out.print(measure_table.LEGEND, style="dim", highlight=False, soft_wrap=True)
+
+    def write() -> list[Path]:
+        measure_consensus.write_csv(rows, folder / measure_consensus.CSV)
+        figures = consensus_figure(rows, folder / "consensus")
+        return [folder / measure_consensus.CSV, *figures]
+
+    shown: list[Table | str] = [measure_table.rounds_table(rows), measure_table.LEGEND]
     if any(row.wall_ms.p50 is not None for row in rows):
-        print_table(measure_table.wall_table(rows))
-        out.print()
+        shown += [measure_table.wall_table(rows), ""]
     if beside:
-        print_table(measure_table.theory_table(beside))
-        out.print()
-    print_files(files)
+        shown += [measure_table.theory_table(beside), ""]
+    facts = {"complete": complete, "cases": rows, "line_of_three": beside}
+    tell(facts, shown, write, as_json=as_json)

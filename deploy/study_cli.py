@@ -1,5 +1,6 @@
 """Commands that run many twins over a grid of cases: `decmesh study loss`."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -7,15 +8,7 @@ import typer
 from deploy import live_cli
 from deploy import run as runs
 from deploy.all_cores import work_off
-from deploy.terminal import (
-    JsonOption,
-    OutOption,
-    err,
-    print_files,
-    print_json,
-    print_table,
-    progress,
-)
+from deploy.terminal import JsonOption, OutOption, err, progress, tell
 from protocol.process import StoppedError
 
 app = typer.Typer(
@@ -46,13 +39,13 @@ def loss(
         results, complete = work_off(studies.measure, cases, lambda _result: advance(1))
     rows = list(studies.means(results))
     if rows:
-        studies.write_csv(results, folder / studies.CSV)
-        files = [folder / studies.CSV, *study_figure.loss_figure(rows, folder / "loss")]
-        if as_json:
-            print_json({"complete": complete, "means": rows, "files": files})
-        else:
-            print_table(loss_table(rows))
-            print_files(files)
+
+        def write() -> list[Path]:
+            studies.write_csv(results, folder / studies.CSV)
+            return [folder / studies.CSV, *study_figure.loss_figure(rows, folder / "loss")]
+
+        facts = {"complete": complete, "means": rows}
+        tell(facts, [loss_table(rows)], write, as_json=as_json)
     if not complete:
         err.print(f"{len(results)} of {len(cases)} runs were done")
         raise StoppedError

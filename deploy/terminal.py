@@ -16,6 +16,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from deploy.failure import FailedError
+from protocol.exit_codes import ExitCode
+
 out, err = Console(), Console(stderr=True)
 WIDTH_MAX = 500
 
@@ -48,15 +51,46 @@ def print_files(paths: Iterable[Path]) -> None:
         out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
 
 
+def tell(
+    facts: dict[str, Any],
+    shown: Iterable[Table | str],
+    write: Callable[[], list[Path]],
+    *,
+    as_json: bool,
+) -> None:
+    """Write files, and print what came out: the facts for programs, or what is shown to people.
+
+    Where the files cannot be written the rest is not lost: it is printed, and then `FailedError`
+    is raised.
+    """
+    files, trouble = [], None
+    try:
+        files = write()
+    except OSError as error:
+        trouble = error
+    if as_json:
+        print_json({**facts, "files": files})
+    else:
+        for one in shown:
+            if isinstance(one, Table):
+                print_table(one)
+            else:
+                out.print(one, style="dim", highlight=False, soft_wrap=True)
+        print_files(files)
+    if trouble is not None:
+        line = f"cannot write {trouble.filename or 'the files'}: {trouble.strerror}"
+        raise FailedError(ExitCode.NO_OUTPUT, line) from trouble
+
+
 @contextmanager
 def progress(label: str, total: float) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left while work goes on; yields what to call with work done."""
     columns = (
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        TextColumn("left; Ctrl-C keeps what is done", style="dim"),
+        TextColumn("left, Ctrl-C keeps what is done", style="dim"),
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(label, total=total)

@@ -141,7 +141,7 @@ def _run_id(config: ElectorConfig, epochs: int) -> int:
 def _config(arguments: argparse.Namespace) -> ElectorConfig:
     return ElectorConfig(
         index=arguments.board,
-        neighbours=tuple(int(board) for board in arguments.neighbours.split(",")),
+        neighbours=arguments.neighbours,
         boards=arguments.boards,
         seed=arguments.seed,
         loss=arguments.loss,
@@ -159,7 +159,11 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--board", type=int, required=True, help="index of this board, from 0")
     parser.add_argument(
-        "--neighbours", required=True, metavar="I,J", help="indices of the boards it has links to"
+        "--neighbours",
+        type=indices,
+        required=True,
+        metavar="I,J",
+        help="indices of the boards it has links to",
     )
     parser.add_argument("--boards", type=int, required=True, help="how many there are")
     parser.add_argument(
@@ -176,7 +180,18 @@ def _arguments() -> argparse.Namespace:
         "--base-port", type=int, default=17700, help="board I listens on this + 1 + I"
     )
     parser.add_argument("--lifeline", action="store_true", help="end when standard input ends")
-    return parser.parse_args()
+    arguments = parser.parse_args()
+    others = set(range(arguments.boards)) - {arguments.board}
+    if arguments.board not in range(arguments.boards) or not others.issuperset(
+        arguments.neighbours
+    ):
+        parser.error("a board and its neighbours are different ones of --boards, counted from 0")
+    return arguments
+
+
+def indices(text: str) -> tuple[int, ...]:
+    """Read `0,2`. Raises ValueError."""
+    return tuple(sorted({int(word) for word in text.split(",")}))
 
 
 if __name__ == "__main__":

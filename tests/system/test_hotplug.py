@@ -164,12 +164,15 @@ def test_links_are_cut_and_healed_from_a_terminal(launch: Callable[..., Launched
     eventually(lambda: deaf() == [("knee", "ankle")])
     assert run.ask("loss", "0.2", "knee-hip").returncode == ExitCode.OK
     assert run.ask("delay", "3ms", "knee-hip").returncode == ExitCode.OK
-    assert run.ask("push", "5N", "--for", "20ms").returncode == ExitCode.OK
+    pushed = json.loads(run.ask("push", "5N", "--for", "20ms", "--json").stdout)
+    assert set(pushed) == {"tick", "at_s"}
     assert run.ask("reference", "hip", "1deg").returncode == ExitCode.OK
     assert run.ask("cut", "ankle-hip").returncode == ExitCode.BAD_INPUT
     recorded, _ = run.end()
     commands = [event for _, event in recorded.events if event[0] in ("link", "heal", "push")]
     assert commands[0] == ["link", [[0, 1], [1, 0]], {"cut": 1.0}]
+    ((tick, _),) = happened(recorded, "push")
+    assert tick >= pushed["tick"] == round(pushed["at_s"] * 1000)
     assert happened(recorded, "sides")[0][1] == ["sides", [[0], [1, 2]]]
 
 

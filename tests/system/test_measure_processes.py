@@ -14,12 +14,13 @@ import pytest
 
 from deploy.measure_consensus import grid
 from deploy.measure_network import Case, Network
-from deploy.measure_processes import play
+from deploy.measure_processes import boards_max, play
 from deploy.processes import RunFailedError
 from protocol.exit_codes import ExitCode
-from tests.system.rig import alive, children_of, eventually
+from tests.system.rig import alive, children_of, decmesh, eventually
 
 EPOCHS = 60
+ELECTOR = "module_agent.elector_runtime"
 
 
 def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> Case:
@@ -53,9 +54,9 @@ def test_a_board_that_dies_ends_the_measurement_by_name_and_the_others_go() -> N
     wanted = case("line", 3, 0.0)._replace(epochs=10**6)
     with closing(play(wanted)) as epochs:
         next(epochs)
-        children = children_of(os.getpid())
+        children = [pid for pid in children_of(os.getpid()) if ELECTOR in _words(pid)]
         assert len(children) == 3
-        victim = next(pid for pid in children if "--board\0001" in _words(pid))
+        victim = next(pid for pid in children if _option(pid, "--board") == "1")
         os.kill(victim, signal.SIGKILL)
         with pytest.raises(RunFailedError, match="board1 ended with code -9") as caught:
             list(epochs)
@@ -63,8 +64,13 @@ def test_a_board_that_dies_ends_the_measurement_by_name_and_the_others_go() -> N
     eventually(lambda: not any(map(alive, children)))
 
 
-def _words(pid: int) -> str:
-    return Path(f"/proc/{pid}/cmdline").read_text()
+def _words(pid: int) -> list[str]:
+    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+
+
+def _option(pid: int, name: str) -> str:
+    words = _words(pid)
+    return words[words.index(name) + 1]
 
 
 def test_a_ctrl_c_keeps_what_is_done_and_leaves_no_process(tmp_path: Path) -> None:
@@ -96,6 +102,15 @@ def _ticks(pid: int) -> int:
     """CPU time that a process has used, in clock ticks."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return int(fields[11]) + int(fields[12])
+
+
+def test_what_does_not_fit_on_the_machine_is_left_out_and_said(tmp_path: Path) -> None:
+    small = ("--graph", "line", "--loss", "0", "--epochs", "5", "--out", str(tmp_path), "--json")
+    too_many = boards_max() + 1
+    done = decmesh("measure", "consensus", "--processes", "--boards", f"2,{too_many}", *small)
+    assert done.returncode == ExitCode.OK
+    assert re.match(rf"{too_many} boards are too many .* takes \d+ .*; left out$", done.stderr)
+    assert [case["boards"] for case in json.loads(done.stdout)["cases"]] == [2]
 
 
 def test_a_taken_port_is_one_line() -> None:
