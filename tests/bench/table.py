@@ -54,8 +54,9 @@ def footnotes(results: Results) -> Iterator[str]:
     """What has to be said with the table: machine, versions, load, and what is missing."""
     about = results.machine
     versions = ", ".join(f"{name} {found}" for name, found in about["versions"].items())
+    fifo = " under SCHED_FIFO" if results.settings.get("fifo") else ""
     yield (
-        f"{results.settings['repeats']} repeats, taken in turn; {about['cores']} cores of"
+        f"{results.settings['repeats']} repeats, taken in turn{fifo}; {about['cores']} cores of"
         f" {about['processor']}, {about['system']}, Python {about['python']}, {versions};"
         f" commit {about['commit']}, {about['when']}"
     )

@@ -29,8 +29,17 @@ PROCESS: dict[str, dict[str, Any]] = {
 }
 TRANSPORT: dict[str, dict[str, Any]] = {
     "Zenoh's own runtime threads": {"runtime": "()"},
-    "one runtime thread for everything": {"runtime": ONE_RUNTIME.format(1)},
+    "one runtime, one thread": {"runtime": ONE_RUNTIME.format(1)},
     "one runtime, two threads": {"runtime": ONE_RUNTIME.format(2)},
+    "one runtime, two threads, unixsock-stream": {
+        "runtime": ONE_RUNTIME.format(2),
+        "link": "unixsock-stream",
+    },
+    "one runtime, two threads, unixsock-stream, cores in turn": {
+        "runtime": ONE_RUNTIME.format(2),
+        "link": "unixsock-stream",
+        "cores": "in-turn",
+    },
     "without lowlatency": {"lowlatency": False},
     "unixsock-stream": {"link": "unixsock-stream"},
 }
