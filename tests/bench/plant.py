@@ -120,5 +120,5 @@ def group(settings: Settings) -> Group:
         "plant",
         "the body alone, feedback from Python in every tick, µs per tick",
         [Contender(name, partial(drive, make, settings.ticks)) for name, make in makes.items()],
-        [Ratio(f"{name}, of decmesh", name, OURS, "us_per_tick") for name in makes if name != OURS],
+        [Ratio(f"decmesh, of {name}", OURS, name, "us_per_tick") for name in makes if name != OURS],
     )
