@@ -77,7 +77,7 @@ KINDS = {
     "say_us": Kind("board puts its link frames and its torque, µs", 1),
     "back_us": Kind("torque on its way, waking the plant, other answers read before it, µs", 1),
     "close_us": Kind("plant reads the answer, integrates, closes, µs", 1),
-    "ratio": Kind("ratio", 2),
+    "ratio": Kind("ratio", 2, more_is_better=True),
     "resident_mb": Kind("resident, MB", 1),
     "own_mb": Kind("of which not shared, MB", 1),
 }
