@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console
 
 from tests.bench import growth, ours, path, plant, plot, realtime, same_job, startup, turning, twin
+from tests.bench.children import FIFO
 from tests.bench.compare import compare
 from tests.bench.machine import machine
 from tests.bench.measure import measure
@@ -54,7 +55,9 @@ def main() -> int:
     if arguments.repeats is not None:
         settings = settings._replace(repeats=arguments.repeats)
     names = arguments.only or [name for name in GROUPS if name not in ON_REQUEST]
-    results = Results(machine(), settings._asdict())
+    if arguments.fifo:
+        os.environ[FIFO] = "1"
+    results = Results(machine(), {**settings._asdict(), "fifo": arguments.fifo})
     stopped = _measure([GROUPS[name](settings) for name in names], settings, results)
     results.write(folder / "bench.json")
     (folder / "bench.md").write_text(markdown(results))
@@ -103,6 +106,11 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument(
         "--repeats", type=int, metavar="N", help="how often all is measured in turn"
+    )
+    parser.add_argument(
+        "--fifo",
+        action="store_true",
+        help="run plants, boards and brokers under SCHED_FIFO, as a busy machine needs; as root",
     )
     parser.add_argument(
         "--compare", type=Path, metavar="FILE", help="tell what has changed since that bench.json"

@@ -1,7 +1,8 @@
 """What has become better or worse since an earlier run of the bench.
 
 A figure has changed when its median moved by more than `CHANGE` and no repeat of one run lies
-within the range of the other. Between different machines only ratios are compared.
+within the range of the other, given enough repeats to speak of a range. Between different machines
+only ratios are compared.
 """
 
 from collections.abc import Iterator
@@ -9,9 +10,10 @@ from typing import NamedTuple
 
 from tests.bench.registry import kind_of
 from tests.bench.results import Results
-from tests.bench.spread import Spread, spread
+from tests.bench.spread import Spread
 
 CHANGE = 0.05
+REPEATS_MIN = 3
 SAME_MACHINE = ("processor", "cores", "system")
 
 
@@ -50,17 +52,22 @@ def _changes(then: Results, now: Results, *, absolute: bool) -> Iterator[Change]
                     yield _change(
                         group_name, name, figure, old.spread(figure), entry.spread(figure)
                     )
-        for name, values in group.ratios.items():
+        for name, ratio in group.ratios.items():
             if name in before.ratios:
                 yield _change(
-                    group_name, name, "ratio", spread(before.ratios[name]), spread(values)
+                    group_name,
+                    f"ratio: {name}",
+                    ratio.figure,
+                    before.ratios[name].spread(),
+                    ratio.spread(),
                 )
 
 
 def _change(group: str, name: str, figure: str, then: Spread, now: Spread) -> Change:
     verdict = "same"
     moved = abs(now.median - then.median) > CHANGE * abs(then.median)
-    if moved and then.apart(now):
+    enough = min(then.of, now.of) >= REPEATS_MIN
+    if moved and enough and then.apart(now):
         better = (now.median > then.median) == kind_of(figure).more_is_better
         verdict = "better" if better else "worse"
     return Change(group, name, figure, then, now, verdict)

@@ -79,10 +79,9 @@ def path(plant: dict[str, list[Mark]], boards: list[dict[str, list[Mark]]], tick
         opens, closed = plant["opens"][-back][0], plant["closed"][-back][0]
         came, last = max(_of_tick(plant["came"], back, count))
         put = next(at for at, board in _of_tick(plant["put"], back, count) if board == last)
-        own = boards[last]
-        at = [opens, put]
-        at += [own[name][-back][0] for name in ("seen", "begun", "thought", "said")]
-        at += [came, closed]
+        own = {name: marks[-back][0] for name, marks in boards[last].items() if name}
+        said = min(own["said"], came)  # What was put may be there before putting it is done.
+        at = [opens, put, own["seen"], own["begun"], own["thought"], said, came, closed]
         for name, (start, end) in zip(STEPS, pairwise(at), strict=True):
             steps[name].append((end - start) / 1e3)
     means = {name: statistics.fmean(taken) for name, taken in steps.items()}

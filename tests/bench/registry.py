@@ -34,7 +34,7 @@ class Contender(NamedTuple):
 
 
 class Ratio(NamedTuple):
-    """One contender's figure over another's."""
+    """One contender's figure over another's; decmesh is above wherever it is one of them."""
 
     name: str
     above: str
@@ -77,9 +77,9 @@ KINDS = {
     "say_us": Kind("board puts its link frames and its torque, µs", 1),
     "back_us": Kind("torque on its way, waking the plant, other answers read before it, µs", 1),
     "close_us": Kind("plant reads the answer, integrates, closes, µs", 1),
+    "ratio": Kind("ratio", 2, more_is_better=True),
     "resident_mb": Kind("resident, MB", 1),
     "own_mb": Kind("of which not shared, MB", 1),
-    "ratio": Kind("ratio", 2, more_is_better=True),
 }
 
 

@@ -33,6 +33,19 @@ class Entry:
 
 
 @dataclass(slots=True)
+class Related:
+    """A ratio of two contenders."""
+
+    figure: str
+    """Of which figure, which says whether more is better."""
+    values: list[float]
+
+    def spread(self) -> Spread:
+        """Median and range."""
+        return spread(self.values)
+
+
+@dataclass(slots=True)
 class GroupResult:
     """One group: its contenders, and why some of them have nothing to show."""
 
@@ -42,7 +55,7 @@ class GroupResult:
     seconds: float = 0.0
     entries: dict[str, Entry] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
-    ratios: dict[str, list[float]] = field(default_factory=dict)
+    ratios: dict[str, Related] = field(default_factory=dict)
 
     def relate(self, ratios: Sequence[Ratio]) -> None:
         """Divide what was measured in the same repeat."""
@@ -51,7 +64,7 @@ class GroupResult:
                 under = self.entries[below].values(figure)
                 values = self.entries[above].values(figure)
                 if found := [value / under[n] for n, value in values.items() if n in under]:
-                    self.ratios[name] = found
+                    self.ratios[name] = Related(figure, found)
 
 
 @dataclass(slots=True)
@@ -83,4 +96,5 @@ def _group(tree: dict[str, Any]) -> GroupResult:
         name: Entry({int(n): figures for n, figures in entry["repeats"].items()})
         for name, entry in tree.pop("entries").items()
     }
-    return GroupResult(entries=entries, **tree)
+    ratios = {name: Related(**ratio) for name, ratio in tree.pop("ratios").items()}
+    return GroupResult(entries=entries, ratios=ratios, **tree)

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 
 class Spread(NamedTuple):
-    """Middle, least and most."""
+    """Middle, least and most, and of how many."""
 
     median: float
     low: float
     high: float
+    of: int
 
     def apart(self, other: "Spread") -> bool:
         """Whether no value of one lies within the range of the other."""
@@ -21,4 +22,4 @@ def spread(values: Sequence[float]) -> Spread:
     """Summarise repeats. Raises ValueError if there are none."""
     if not values:
         raise ValueError("nothing was measured")
-    return Spread(statistics.median(values), min(values), max(values))
+    return Spread(statistics.median(values), min(values), max(values), len(values))

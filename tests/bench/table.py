@@ -7,11 +7,13 @@ from rich.table import Table
 from tests.bench.compare import Change
 from tests.bench.registry import kind_of
 from tests.bench.results import GroupResult, Results
-from tests.bench.spread import Spread, spread
+from tests.bench.spread import Spread
 
 BESIDE = ("p50_us", "p99_us", "cpu_us")
 """Figures that have a column of their own."""
 HEADINGS = ("", "median", "min", "max", "p50 µs", "p99 µs", "CPU µs")
+RATIO = "ratio"
+"""Stands for a figure where a ratio is shown."""
 Row = tuple[str, ...]
 
 
@@ -24,8 +26,8 @@ def rows(group: GroupResult) -> Iterator[Row]:
         for key in others:
             if key not in BESIDE:
                 yield (f"  {kind_of(key).label}", *_cells(entry.spread(key), key), *[""] * 3)
-    for name, values in group.ratios.items():
-        yield (f"  {name}", *_cells(spread(values), "ratio"), *[""] * 3)
+    for name, ratio in group.ratios.items():
+        yield (f"  {name}", *_cells(ratio.spread(), RATIO), *[""] * 3)
 
 
 def result_table(results: Results) -> Table:
@@ -54,8 +56,9 @@ def footnotes(results: Results) -> Iterator[str]:
     """What has to be said with the table: machine, versions, load, and what is missing."""
     about = results.machine
     versions = ", ".join(f"{name} {found}" for name, found in about["versions"].items())
+    fifo = " under SCHED_FIFO" if results.settings.get("fifo") else ""
     yield (
-        f"{results.settings['repeats']} repeats, taken in turn; {about['cores']} cores of"
+        f"{results.settings['repeats']} repeats, taken in turn{fifo}; {about['cores']} cores of"
         f" {about['processor']}, {about['system']}, Python {about['python']}, {versions};"
         f" commit {about['commit']}, {about['when']}"
     )
@@ -73,7 +76,9 @@ def comparison_table(changes: Sequence[Change]) -> Table:
     for change in changes:
         if change.verdict != "same":
             style = "red" if change.verdict == "worse" else "green"
-            cells = [_cell(one.median, change.figure) for one in (change.then, change.now)]
+            ratio = change.name.startswith("ratio: ")
+            figure = RATIO if ratio else change.figure
+            cells = [_cell(one.median, figure) for one in (change.then, change.now)]
             table.add_row(
                 f"{change.group}: {change.name}",
                 kind_of(change.figure).label,
@@ -85,7 +90,7 @@ def comparison_table(changes: Sequence[Change]) -> Table:
 
 
 def _cells(values: Spread, figure: str) -> list[str]:
-    return [_cell(value, figure) for value in values]
+    return [_cell(value, figure) for value in values[:3]]
 
 
 def _cell(value: float, figure: str) -> str:

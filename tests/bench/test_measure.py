@@ -5,7 +5,7 @@ import pytest
 from tests.bench.children import ChildFailedError, UnavailableError
 from tests.bench.measure import FAILURES_MAX, measure
 from tests.bench.registry import Contender, Figures, Group, Ratio
-from tests.bench.results import Entry, GroupResult
+from tests.bench.results import Entry, GroupResult, Related
 from tests.bench.spread import Spread, spread
 
 
@@ -37,7 +37,7 @@ def test_contenders_take_turns() -> None:
     )
     assert log == ["A", "B"] * 3
     assert result.entries["A"].values("ticks_per_s") == {0: 1.0, 1: 2.0, 2: 4.0}
-    assert result.ratios == {"B of A": [3.0, 4.0, 2.0]}
+    assert result.ratios == {"B of A": Related("ticks_per_s", [3.0, 4.0, 2.0])}
 
 
 def test_what_is_not_here_is_skipped_with_a_line() -> None:
@@ -60,7 +60,7 @@ def test_one_failure_costs_one_repeat_and_ratios_stay_together() -> None:
         repeats=3,
     )
     assert result.missing == {}
-    assert result.ratios == {"B of A": [3.0, 2.0]}
+    assert result.ratios == {"B of A": Related("ticks_per_s", [3.0, 2.0])}
 
 
 def test_what_keeps_failing_is_left_out() -> None:
@@ -77,18 +77,18 @@ def test_what_keeps_failing_is_left_out() -> None:
 
 
 def test_a_spread_is_median_and_range() -> None:
-    assert spread([5.0, 1.0, 2.0]) == Spread(2.0, 1.0, 5.0)
+    assert spread([5.0, 1.0, 2.0]) == Spread(2.0, 1.0, 5.0, 3)
     with pytest.raises(ValueError, match="nothing"):
         spread([])
 
 
 def test_spreads_are_apart_when_no_value_is_within_the_other() -> None:
-    assert Spread(2.0, 1.0, 3.0).apart(Spread(5.0, 4.0, 6.0))
-    assert Spread(5.0, 4.0, 6.0).apart(Spread(2.0, 1.0, 3.0))
-    assert not Spread(2.0, 1.0, 4.5).apart(Spread(5.0, 4.0, 6.0))
+    assert Spread(2.0, 1.0, 3.0, 3).apart(Spread(5.0, 4.0, 6.0, 3))
+    assert Spread(5.0, 4.0, 6.0, 3).apart(Spread(2.0, 1.0, 3.0, 3))
+    assert not Spread(2.0, 1.0, 4.5, 3).apart(Spread(5.0, 4.0, 6.0, 3))
 
 
 def test_a_figure_of_some_repeats_is_summarised_from_those() -> None:
     entry = Entry({0: {"seconds": 1.0, "notice_s": 0.5}, 1: {"seconds": 3.0}})
     assert entry.figures == ["seconds", "notice_s"]
-    assert entry.spread("notice_s") == Spread(0.5, 0.5, 0.5)
+    assert entry.spread("notice_s") == Spread(0.5, 0.5, 0.5, 1)

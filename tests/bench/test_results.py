@@ -7,7 +7,7 @@ import pytest
 
 from tests.bench.compare import compare
 from tests.bench.plot import picture
-from tests.bench.results import Entry, GroupResult, Results
+from tests.bench.results import Entry, GroupResult, Related, Results
 from tests.bench.table import comparison_table, footnotes, markdown, rows
 
 MACHINE: dict[str, Any] = {
@@ -22,7 +22,7 @@ def results(*, machine: dict[str, Any] | None = None, **entries: list[float]) ->
     for figure, values in entries.items():
         repeats = {n: {figure: value} for n, value in enumerate(values)}
         group.entries[f"one in {figure}"] = Entry(repeats)
-    group.ratios["ours of theirs"] = [0.5, 0.6]
+    group.ratios["ours of theirs"] = Related("ticks_per_s", [0.5, 0.6])
     group.missing["dora-rs"] = "it is not installed"
     return Results({**MACHINE, **(machine or {})}, {"repeats": 2}, {"group": group})
 
@@ -47,27 +47,36 @@ def test_what_is_no_result_is_refused_with_its_name(tmp_path: Path, text: str) -
 
 
 def test_a_clear_change_is_better_or_worse_by_its_kind() -> None:
-    then = results(ticks_per_s=[100.0, 101.0], seconds=[1.0, 1.1])
-    now = results(ticks_per_s=[200.0, 201.0], seconds=[2.0, 2.1])
+    then = results(ticks_per_s=[100.0, 101.0, 102.0], seconds=[1.0, 1.1, 1.2])
+    now = results(ticks_per_s=[200.0, 201.0, 202.0], seconds=[2.0, 2.1, 2.2])
     assert verdicts(then, now) == {
         "one in ticks_per_s": "better",
         "one in seconds": "worse",
-        "ours of theirs": "same",
+        "ratio: ours of theirs": "same",
     }
     assert set(verdicts(now, then).values()) == {"better", "worse", "same"}
 
 
 @pytest.mark.parametrize(
-    "now", [[150.0, 90.0], [103.0, 104.0]], ids=["ranges overlap", "a few per cent"]
+    "now",
+    [[150.0, 151.0, 90.0], [103.0, 104.0, 105.0], [150.0, 151.0]],
+    ids=["ranges overlap", "a few per cent", "too few repeats"],
 )
 def test_noise_is_no_change(now: list[float]) -> None:
-    then = results(ticks_per_s=[100.0, 101.0])
+    then = results(ticks_per_s=[100.0, 101.0, 102.0])
     assert verdicts(then, results(ticks_per_s=now))["one in ticks_per_s"] == "same"
 
 
 def test_between_machines_only_ratios_are_compared() -> None:
     then = results(ticks_per_s=[100.0], machine={"processor": "another"})
-    assert verdicts(then, results(ticks_per_s=[200.0])) == {"ours of theirs": "same"}
+    assert verdicts(then, results(ticks_per_s=[200.0])) == {"ratio: ours of theirs": "same"}
+
+
+def test_a_ratio_is_better_as_its_figure_is() -> None:
+    then, now = results(), results()
+    then.groups["group"].ratios = {"growth": Related("us_per_board", [1.0] * 3)}
+    now.groups["group"].ratios = {"growth": Related("us_per_board", [2.0] * 3)}
+    assert verdicts(then, now) == {"ratio: growth": "worse"}
 
 
 def test_what_one_of_them_lacks_is_not_compared() -> None:
@@ -102,7 +111,7 @@ def test_what_is_missing_is_said() -> None:
 
 
 def test_a_comparison_shows_what_changed() -> None:
-    changes = compare(results(seconds=[1.0]), results(seconds=[2.0]))
+    changes = compare(results(seconds=[1.0] * 3), results(seconds=[2.0] * 3))
     assert comparison_table(changes).row_count == 1
 
 
