@@ -12,7 +12,7 @@ run: .venv/run
 	$(BIN)/decmesh paper
 
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2
 
 lint: .venv/dev
 	$(BIN)/ruff check .

@@ -7,6 +7,8 @@ Rule 2: whatever a run went through, typed by hand or struck by the death of a p
         reached it is in its events. So a replay is the same to the bit, or something is wrong.
 """
 
+from contextlib import redirect_stdout
+from io import TextIOBase
 from typing import Any, NamedTuple
 
 from deploy.twin import Twin
@@ -21,11 +23,22 @@ from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
 """Events of an open tick; the others come between two ticks."""
-CONSEQUENCES = frozenset({"energy_lost_j", "sides"})
+CONSEQUENCES = frozenset({"energy_lost_j", "fault", "sides"})
 """Events that follow from others: computed again, not carried out."""
 
 Link = tuple[int, int]
 """A directed link: sender and receiver."""
+
+
+class Nowhere(TextIOBase):
+    """Where a controller from outside prints to in a replay: it has said so already."""
+
+    def write(self, text: str) -> int:
+        """Write nothing."""
+        return len(text)
+
+
+NOWHERE = Nowhere()
 
 
 class UnplayableError(Exception):
@@ -93,7 +106,8 @@ class Replay(Twin):
         for event in recorded.events:
             if event[0] in MIDWAY:
                 self._midway(event, observations)
-        told, links = self._answer(observations)
+        with redirect_stdout(NOWHERE):
+            told, links = self._answer(observations)
         drawn = {
             (witness.sender, witness.receiver): witness.drawn
             for index in observations
@@ -115,6 +129,8 @@ class Replay(Twin):
                 witness.drawn = None
             told[index] = firmware.read(payload)
             actuation = firmware.tick(told[index])
+            for fault in actuation.faults:
+                self.lockstep.report(index, fault)
             self.lockstep.answer(index, actuation.torque)
             said.append((firmware, actuation.links))
         links = {}

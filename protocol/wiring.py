@@ -17,13 +17,12 @@ SPARE_SESSIONS_PLANT = 16
 SPARE_SESSIONS_BOARD = 4
 
 RUNTIME_THREADS = (
-    "(rx:(worker_threads:1),tx:(handover:rx),app:(handover:rx),"
-    "net:(worker_threads:2),acc:(worker_threads:2))"
+    "(rx:(worker_threads:2),net:(handover:rx),acc:(handover:rx),app:(handover:rx),tx:(handover:rx))"
 )
-"""One thread for all that is sent and received: a third less time per tick than with the default.
+"""Two transport threads instead of five: a fifth less time per tick, and 10 MB less memory.
 
-Links are set up on threads of their own, which sleep once they are: where one waits for a lock, the
-one that holds it may need another (zenoh-c issue 1308).
+One would be as fast, but where it waits for a lock while a link is set up, whoever holds the lock
+may need another (zenoh-c issue 1308).
 """
 
 

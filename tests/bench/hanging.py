@@ -40,6 +40,7 @@ def hanging(boards: int, *, ticks: int = 1_000_000, seed: int = 1) -> ResolvedSc
                 "rounds": max(hops, 1),
                 "disabled_holds": "controlled-variable",
                 "incomplete": "each-side",
+                "rule": None,
             },
             "link": [],
             "event": [],
@@ -47,6 +48,7 @@ def hanging(boards: int, *, ticks: int = 1_000_000, seed: int = 1) -> ResolvedSc
                 {
                     "joint": f"joint_{board}",
                     "controls": "joint-angle",
+                    "controller": None,
                     "reference_rad": 0.0,
                     "initial_rad": math.pi + BEND_RAD * math.sin(float(board)),
                     "lumped_delay_ticks": max(LUMPED_DELAY_TICKS, hops - board),

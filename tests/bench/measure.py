@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable
 
-from tests.bench.children import ChildFailedError, UnavailableError
+from tests.bench.children import UnavailableError
 from tests.bench.registry import Contender, Group, kind_of
 from tests.bench.results import Entry, GroupResult
 
@@ -39,11 +39,11 @@ def _once(
         result.missing[contender.name] = str(error)
         tell(f"  skipped, {error}")
         return
-    except ChildFailedError as error:
+    except Exception as error:  # noqa: BLE001 - whatever it is, what else was measured stays.
         failures[contender.name] = failures.get(contender.name, 0) + 1
-        tell(f"  failed, {error}")
+        tell(f"  failed, {error!r}")
         if failures[contender.name] == FAILURES_MAX:
-            result.missing[contender.name] = f"failed: {error}"
+            result.missing[contender.name] = f"failed: {error!r}"
             result.entries.pop(contender.name, None)
         return
     result.entries.setdefault(contender.name, Entry()).repeats[round_] = figures

@@ -73,7 +73,7 @@ def test_what_keeps_failing_is_left_out() -> None:
     )
     assert log.count("A") == 1 + FAILURES_MAX
     assert list(result.entries) == ["B"]
-    assert result.missing == {"A": "failed: it fell"}
+    assert result.missing == {"A": "failed: ChildFailedError('it fell')"}
 
 
 def test_a_spread_is_median_and_range() -> None:

@@ -2,16 +2,13 @@
 
 import time
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from deploy.scenario import load
 from deploy.twin import Twin
-from plant_server.spool import SpoolWriter
 from protocol.frames import LinkFrame, Observation, TorqueFrame, decode, encode
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
 
-PLAIN, RECORDED = "twin, frames encoded and decoded", "twin, recorded"
+PLAIN = "twin, frames encoded and decoded"
 FRAMES = "its frames alone, each encoded and decoded once"
 
 
@@ -21,14 +18,10 @@ def group(settings: Settings) -> Group:
         "twin",
         "plant and 3 boards in one process, ticks per second of CPU time",
         [
-            Contender(PLAIN, partial(in_twin, settings, recorded=False)),
-            Contender(RECORDED, partial(in_twin, settings, recorded=True)),
+            Contender(PLAIN, partial(in_twin, settings)),
             Contender(FRAMES, partial(frames_alone, settings)),
         ],
-        [
-            Ratio("recorded, of not recorded", RECORDED, PLAIN, "ticks_per_s"),
-            Ratio("twin, of its frames alone", PLAIN, FRAMES, "ticks_per_s"),
-        ],
+        [Ratio("twin, of its frames alone", PLAIN, FRAMES, "ticks_per_s")],
     )
 
 
@@ -53,19 +46,12 @@ def frames_alone(settings: Settings) -> Figures:
     return {"ticks_per_s": settings.ticks / (time.process_time() - started_s)}
 
 
-def in_twin(settings: Settings, *, recorded: bool) -> Figures:
+def in_twin(settings: Settings) -> Figures:
     """Play a run; its rate after the ticks that do not count."""
     scenario = load("paper", [f"run.duration_s={(settings.warm_up + settings.ticks) / 1000}"])
-    with TemporaryDirectory(prefix="decmesh-bench-") as folder:
-        spool = SpoolWriter(Path(folder) / "run.spool", scenario.values)
-        twin = Twin(scenario)
-        started_s = 0.0
-        for record in twin.run():
-            if record.tick == settings.warm_up:
-                started_s = time.process_time()
-            if recorded:
-                spool.append(record, None)
-        taken_s = time.process_time() - started_s
-        spool.close(twin.lockstep.outcome(taken_s))
+    started_s = 0.0
+    for record in Twin(scenario).run():
+        if record.tick == settings.warm_up:
+            started_s = time.process_time()
     ticks = settings.ticks - 1  # The first is over when the clock starts.
-    return {"ticks_per_s": ticks / taken_s}
+    return {"ticks_per_s": ticks / (time.process_time() - started_s)}

@@ -4,13 +4,13 @@ from collections import deque
 
 import pytest
 
-from module_agent.body_view import BodyView
+from module_agent.body_view import FORGET_EVERY_TICKS, BodyView
 from tests import soak
 
 
 @pytest.mark.parametrize("scenario", ["paper", "lossy", "hysteresis"])
 def test_containers_are_bounded(scenario: str) -> None:
-    assert soak.growing(scenario, 400, 2400) == {}
+    assert soak.growing(scenario, 400, 400 + 63 * FORGET_EVERY_TICKS) == {}
 
 
 def test_what_is_kept_in_every_tick_or_every_epoch_is_found(
