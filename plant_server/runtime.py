@@ -33,8 +33,10 @@ TELL_AFTER_S = 0.5
 STALL_AFTER_S = 1.0
 LOOK_EVERY_S = 0.02
 PROGRESS_EVERY_S = 0.1
-FAREWELL_S = 0.5
+FAREWELL_S = 5.0
 """How long the plant waits for boards to have heard that the run is over."""
+HURRIED_S = 0.5
+"""The same when it was stopped: a board may be frozen, and somebody is waiting for the end."""
 
 
 class Options(NamedTuple):
@@ -62,11 +64,10 @@ class Runtime:
         self.rig = rig
         self.options = options
         self.joints = scenario.joints
-        self.run_id = run_id(scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
-        self.enrolment = Enrolment(
-            rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=self.run_id
-        )
+        digest = scenario.digest
+        self.run_id = run = run_id(digest)
+        self.lockstep = Lockstep(plant_config(scenario.values), run_id=run)
+        self.enrolment = Enrolment(rig=rig.name, joints=self.joints, digest=digest, run_id=run)
         self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = Post(session, rig, self.joints, records=writer is not None)
         self._released_s: float | None = None
@@ -158,8 +159,7 @@ class Runtime:
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         if self.recorder is not None:
-            with undisturbed:
-                self.recorder.write(self.post.timings())
+            self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -281,7 +281,7 @@ class Runtime:
         """Tell the boards that the run is over, and give them time to hear it."""
         self._ending = True
         self.post.end(encode(End(self.run_id, shortened(reason))))
-        deadline = time.monotonic() + FAREWELL_S
+        deadline = time.monotonic() + (HURRIED_S if reason == STOPPED else FAREWELL_S)
         while any(seat.boot is not None for seat in self.enrolment.seats):
             if time.monotonic() > deadline:
                 return
