@@ -16,7 +16,7 @@ from module_agent.link_model import Fate, LinkModel
 from plant_server.agenda import Agenda
 from plant_server.record import TickRecord
 from protocol.commands import Command
-from protocol.frames import Observation
+from protocol.frames import Observation, ProtocolError
 from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
@@ -29,7 +29,7 @@ Link = tuple[int, int]
 
 
 class UnplayableError(Exception):
-    """An event of a recording that nothing can be made of."""
+    """What a recording says cannot have happened."""
 
 
 class Drawn(NamedTuple):
@@ -80,7 +80,7 @@ class Replay(Twin):
         """All boards there have been, also those that are gone."""
 
     def play(self, recorded: TickRecord) -> Played:
-        """Play the next tick. Raises `UnplayableError` when its events are none."""
+        """Play the next tick. Raises `UnplayableError`."""
         lockstep = self.lockstep
         for event in recorded.events:
             if event[0] not in MIDWAY | CONSEQUENCES:
@@ -111,7 +111,10 @@ class Replay(Twin):
             assert firmware is not None
             for witness in self.witnesses[index]:
                 witness.drawn = None
-            told[index] = firmware.read(payload)
+            try:
+                told[index] = firmware.read(payload)
+            except ProtocolError as error:
+                raise UnplayableError(f"board {index} cannot be told: {error}") from error
             actuation = firmware.tick(told[index])
             self.lockstep.answer(index, actuation.torque)
             said.append((firmware, actuation.links))
