@@ -142,4 +142,4 @@ def _parquet() -> Callable[[Table, Path], None]:
 def _words(numbers: Integers, kind: type[IntEnum]) -> Column:
     """In place of numbers, what they stand for."""
     words = {0: ABSENT, **{member.value: member.name.lower() for member in kind}}
-    return np.array([words[number] for number in numbers.tolist()], np.str_)
+    return np.array([words.get(number, str(number)) for number in numbers.tolist()], np.str_)

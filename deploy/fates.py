@@ -38,6 +38,7 @@ class Fate(IntEnum):
     """The recording ends before it was due."""
 
 
+MASK = 2**64 - 1
 NEVER = NO_TICK
 """In place of the tick in which a frame was heard; -1 is one of the warm-up."""
 
@@ -109,6 +110,7 @@ def _arrive(
 ) -> Iterator[Settled]:
     """What a receiver used in a tick, and what will not be heard any more."""
     tick = played.record.tick
+    heard_mask &= MASK  # A board of another's making may have sent any number.
     while heard_mask:
         ago = heard_mask.bit_length() - 1
         heard_mask ^= 1 << ago

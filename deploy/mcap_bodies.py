@@ -5,6 +5,8 @@ Rule: back and forth gives the same record, bytes of frames included.
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import chain
+from operator import index
 from typing import Any
 
 from deploy.epochs import Epochs
@@ -22,6 +24,7 @@ from protocol.states import COUNTERS
 from protocol.timing import TickTiming, Timing
 
 Body = dict[str, Any]
+WHOLE_END = 2**63
 
 
 def of_scenario(scenario: ResolvedScenario) -> Body:
@@ -156,7 +159,11 @@ def of_walls(tick: int, walls: Walls) -> Body:
 
 def to_walls(body: Body) -> Walls:
     """When the plant did what."""
-    return Walls(body["opened_ns"], tuple(body["answered_ns"]), body["closed_ns"])
+    return Walls(
+        _whole(body["opened_ns"]),
+        tuple(map(_whole, body["answered_ns"])),
+        _whole(body["closed_ns"]),
+    )
 
 
 def of_timing(timing: Timing) -> Body:
@@ -167,6 +174,8 @@ def of_timing(timing: Timing) -> Body:
 def to_timing(body: Body) -> Timing:
     """When a board did what."""
     ticks = tuple(TickTiming(**tick) for tick in body["ticks"])
+    for number in (*(body[name] for name in Timing._fields[:-1]), *chain.from_iterable(ticks)):
+        _whole(number)
     return Timing(**{**body, "ticks": ticks})
 
 
@@ -198,6 +207,13 @@ def to_outcome(body: Body) -> Outcome:
         float(body["wall_s"]),
         undriven,
     )
+
+
+def _whole(number: int) -> int:
+    """A number that is one, and of 64 bits; raises TypeError or ValueError."""
+    if not -WHOLE_END <= index(number) < WHOLE_END:
+        raise ValueError(f"{number} is too large")
+    return number
 
 
 def _floats(numbers: Sequence[float | str]) -> tuple[float, ...]:

@@ -33,7 +33,17 @@ FORMAT = "1"
 """Of what is on the channels; another one cannot be read."""
 METADATA, FACTS = "decmesh", "facts"
 UNFINISHED = ".unfinished"
-DAMAGE = (McapError, ZstdError, struct.error, ValueError, LookupError, TypeError)
+DAMAGE = (
+    McapError,
+    ZstdError,
+    struct.error,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    OverflowError,
+    TypeError,
+    ValueError,
+)
 """What reading a damaged file can come to."""
 RELEASE_NS = 1_000_000_000_000
 """Log time of tick 0: 1000 s, so that the warm-up before it has a time as well."""
@@ -129,7 +139,7 @@ def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[in
             numbers[topic],
             log_time=log_ns,
             data=dump(body),
-            publish_time=publish_ns or log_ns,
+            publish_time=publish_ns if publish_ns > 0 else log_ns,
             sequence=sequences[topic],
         )
         sequences[topic] += 1
@@ -155,7 +165,7 @@ def _metadata(spool: Spool, digest: bytes) -> dict[str, dict[str, str]]:
             "format": FORMAT,
             "complete": str(spool.complete).lower(),
             "logical_sha256": logical_sha256(spool),
-            "scenario": spool.scenario["name"],
+            "scenario": str(spool.scenario["name"]),
             "digest": digest.hex(),
             "ticks": str(max(0, spool.ticks[-1].tick + 1)),
         },

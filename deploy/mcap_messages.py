@@ -30,8 +30,8 @@ SCENARIO, FACTS, PLANT_TICK = "/scenario", "/facts", "/plant/tick"
 EPOCH, EVENT, TIMING, OUTCOME = "/epoch", "/event", "/timing", "/outcome"
 
 
-US_MAX = 2**52
-"""A time beyond this is none, and would not fit into the file."""
+NS_MAX = 2**63 - 1
+"""What fits into the file; a board of another's making may say any time."""
 
 
 class Message(NamedTuple):
@@ -105,7 +105,7 @@ class Telling:
         self._timings = deque(spool.timings)
         self._epochs = deque(bodies.of_epochs(epochs(run), self.joints))
         self._spoken_ns = {
-            (board, timing.tick + i): timing.base_ns + min(tick.decided_us, US_MAX) * 1000
+            (board, timing.tick + i): min(timing.base_ns + tick.decided_us * 1000, NS_MAX)
             for board, timing in spool.timings
             for i, tick in enumerate(timing.ticks)
         }

@@ -13,7 +13,14 @@ from deploy.differences import REFUSED
 from deploy.fates import Fates, Settled
 from deploy.replay import Link, Replay
 from plant_server.record import TickRecord
-from protocol.frames import CRC_BYTES, Observation, TorqueFrame, decode
+from protocol.frames import (
+    CRC_BYTES,
+    Observation,
+    ProtocolError,
+    Reason,
+    TorqueFrame,
+    decode,
+)
 from protocol.scenario import ResolvedScenario
 from protocol.states import COUNTERS
 from protocol.wiring import neighbours
@@ -41,15 +48,15 @@ class Reconstruction:
     def __init__(self, scenario: ResolvedScenario) -> None:
         self.replay = Replay(scenario)
         self.links = list(self.replay.lockstep.roster.links)
-        self._fates = Fates(len(scenario.joints))
+        boards = len(scenario.joints)
+        self._receipts = [len(neighbours(board, boards)) for board in range(boards)]
+        self._fates = Fates(boards)
         self._refused: dict[tuple[int, int, int], int] = {}
         """Of each board, incarnation and reason: the last count beyond the replay's own."""
 
     def tick(self, recorded: TickRecord) -> Told:
         """Tell the next tick. Raises `deploy.replay.UnplayableError` or `ProtocolError`."""
-        answers = tuple(
-            decode(TorqueFrame, answer) if answer else None for answer in recorded.answers
-        )
+        answers = tuple(map(_read, recorded.answers, self._receipts))
         played = self.replay.play(recorded)
         self._count(recorded, played.record, answers)
         links = {
@@ -88,6 +95,15 @@ class Reconstruction:
                     ours = own.answers[board]
                     beyond = answer.counted - (decode(TorqueFrame, ours).counted if ours else 0)
                 self._refused[board, answer.incarnation, answer.counter] = beyond
+
+
+def _read(answer: bytes, links: int) -> TorqueFrame | None:
+    if not answer:
+        return None
+    frame = decode(TorqueFrame, answer)
+    if len(frame.links) != links:
+        raise ProtocolError(Reason.MALFORMED, f"receipts of {len(frame.links)} links")
+    return frame
 
 
 def _believed(link: Link, said: bytes, answers: Answers) -> bool:

@@ -102,7 +102,7 @@ def read_recording(path: Path) -> Recording:
     spool = read_spool_of(path)
     try:
         return recording(spool)
-    except (UnplayableError, ProtocolError) as error:
+    except (UnplayableError, ProtocolError, OverflowError) as error:
         raise UnreadableError(f"{path}: what was recorded does not make a run: {error}") from error
 
 

@@ -4,17 +4,19 @@ Rule: what is read from outside is checked here, so that nobody after has to. A 
 ours, not whole or of another version is the user's affair: one line, and an exit code.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from deploy.failure import FailedError
 from deploy.mcap_file import read_mcap
 from deploy.processes import SPOOL
+from deploy.replay import Replay
 from module_agent.config import board_config
-from plant_server.config import plant_config
-from plant_server.record import TickRecord
+from plant_server.record import Outcome, TickRecord
 from plant_server.spool import Spool, read_spool
 from protocol.exit_codes import ExitCode
-from protocol.scenario import KEYS
+from protocol.scenario import KEYS, resolved
 
 MCAP = "run.mcap"
 HINTS_MAX = 3
@@ -61,31 +63,56 @@ def read_spool_of(path: Path, *, whole: bool = True) -> Spool:
         _check(spool)
     except OSError as error:
         raise UnreadableError(f"cannot read {file}: {error.strerror}") from error
-    except (ValueError, TypeError, LookupError) as error:
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise UnreadableError(f"{file} is no recording that can be used: {error}") from error
     return spool
 
 
 def _check(spool: Spool) -> None:
     """Whether everything is there and of the right shape; raises ValueError and the like."""
+    joints = _check_scenario(spool)
+    if not spool.ticks:
+        raise ValueError("it ends before its first tick")
+    for tick, record in enumerate(spool.ticks, spool.ticks[0].tick):
+        if record.tick != tick:
+            raise ValueError(f"after tick {tick - 1} comes tick {record.tick}")
+        _check_sizes(f"tick {tick}", record[1:5], joints)
+        _check_events(record)
+    for walls in filter(None, spool.walls):
+        _check_sizes("a wall time", [walls.answered_ns], joints)
+    if spool.outcome is not None:
+        _check_outcome(spool.outcome, spool.ticks[-1].tick + 1, joints)
+
+
+def _check_scenario(spool: Spool) -> int:
+    """Whether it can be run; how many joints it has. And whether facts can be read."""
+    if type(spool.scenario) is not dict or type(spool.facts) is not dict:
+        raise ValueError("its scenario or its facts are no tables")
     lacking = sorted(KEYS - set(spool.scenario))
     if lacking:
         raise ValueError(f"its scenario has no {lacking[0]!r}")
-    joints = plant_config(spool.scenario).joints
-    for joint in joints:
-        board_config(spool.scenario, joint)
-    if not spool.ticks:
-        raise ValueError("it ends before its first tick")
-    for i, record in enumerate(spool.ticks, spool.ticks[0].tick):
-        if record.tick != i:
-            raise ValueError(f"after tick {i - 1} comes tick {record.tick}")
-        _check_tick(record, len(joints))
+    if "cpu_s" in spool.facts:
+        for name in ("cpu_s", "memory_kb"):
+            float(spool.facts[name])
+    scenario = resolved(spool.scenario)
+    Replay(scenario)
+    for joint in scenario.joints:
+        board_config(scenario.values, joint)
+    return len(scenario.joints)
 
 
-def _check_tick(record: TickRecord, joints: int) -> None:
-    sizes = {len(part) for part in record[1:5]}
-    if sizes != {joints}:
-        raise ValueError(f"tick {record.tick} is not of {joints} joints")
+def _check_outcome(outcome: Outcome, ticks: int, joints: int) -> None:
+    _check_sizes("the outcome", outcome[1:3], joints)
+    if outcome.tick != ticks or type(outcome.ending) is not str:
+        raise ValueError(f"it ends with {outcome.ending!r} after {outcome.tick} of {ticks} ticks")
+
+
+def _check_sizes(whose: str, parts: Sequence[Sequence[Any]], joints: int) -> None:
+    if {len(part) for part in parts} != {joints}:
+        raise ValueError(f"{whose} is not of {joints} joints")
+
+
+def _check_events(record: TickRecord) -> None:
     for event in record.events:
         if type(event) is not list or not event or type(event[0]) is not str:
             raise ValueError(f"tick {record.tick} has {event!r} for an event")

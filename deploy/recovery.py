@@ -31,5 +31,5 @@ def rescue(spool: Spool, target: Path, on_tick: Callable[[int], None]) -> None:
     """Write what was read. Raises `UnreadableError`, or OSError."""
     try:
         write_mcap(spool, recorded_trajectory(spool), target, on_tick)
-    except (UnplayableError, ProtocolError) as error:
+    except (UnplayableError, ProtocolError, OverflowError) as error:
         raise UnreadableError(f"what was recorded does not make a run: {error}") from error

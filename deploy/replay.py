@@ -18,7 +18,7 @@ from module_agent.link_model import Fate, LinkModel
 from plant_server.agenda import Agenda
 from plant_server.record import TickRecord
 from protocol.commands import Command
-from protocol.frames import Observation, TorqueFrame, decode
+from protocol.frames import Observation, ProtocolError, TorqueFrame, decode
 from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
@@ -42,7 +42,7 @@ NOWHERE = Nowhere()
 
 
 class UnplayableError(Exception):
-    """An event of a recording that nothing can be made of."""
+    """What a recording says cannot have happened."""
 
 
 class Drawn(NamedTuple):
@@ -93,7 +93,7 @@ class Replay(Twin):
         """All boards there have been, also those that are gone."""
 
     def play(self, recorded: TickRecord) -> Played:
-        """Play the next tick. Raises `UnplayableError` when its events are none."""
+        """Play the next tick. Raises `UnplayableError`."""
         lockstep = self.lockstep
         if not self.everybody:
             self._name(recorded)
@@ -127,7 +127,10 @@ class Replay(Twin):
             assert firmware is not None
             for witness in self.witnesses[index]:
                 witness.drawn = None
-            told[index] = firmware.read(payload)
+            try:
+                told[index] = firmware.read(payload)
+            except ProtocolError as error:
+                raise UnplayableError(f"board {index} cannot be told: {error}") from error
             actuation = firmware.tick(told[index])
             for fault in actuation.faults:
                 self.lockstep.report(index, fault)

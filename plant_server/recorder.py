@@ -12,6 +12,7 @@ from plant_server.enrolment import Enrolment
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool import SpoolWriter
 from protocol.frames import NO_TICK, ProtocolError, Reason, decode
+from protocol.process import undisturbed
 from protocol.timing import Timing
 
 Timings = Iterable[tuple[int, bytes]]
@@ -40,11 +41,12 @@ class Recorder:
 
     def write(self, timings: Timings) -> None:
         """Write what has been taken, and what boards have told meanwhile."""
-        for record, walls in self._unwritten:
-            self._writer.append(record, walls)
-            self._open_tick = record.tick + 1
-        self._unwritten.clear()
-        self._keep_timings(timings)
+        with undisturbed:  # A tick is written once.
+            for record, walls in self._unwritten:
+                self._writer.append(record, walls)
+                self._open_tick = record.tick + 1
+            self._unwritten.clear()
+            self._keep_timings(timings)
 
     def close(self, outcome: Outcome, timings: Timings) -> None:
         """Write the rest: what boards told on their way out, and how the run ended."""

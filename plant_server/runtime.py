@@ -32,8 +32,10 @@ TELL_AFTER_S = 0.5
 """A wait shorter than this is not worth a line."""
 STALL_AFTER_S = 1.0
 LOOK_EVERY_S = 0.02
-FAREWELL_S = 0.5
+FAREWELL_S = 5.0
 """How long the plant waits for boards to have heard that the run is over."""
+HURRIED_S = 0.5
+"""The same when it was stopped: a board may be frozen, and somebody is waiting for the end."""
 
 
 class Runtime:
@@ -147,8 +149,7 @@ class Runtime:
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         if self.recorder is not None:
-            with undisturbed:
-                self.recorder.write(self.post.timings())
+            self.recorder.write(self.post.timings())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:
@@ -288,7 +289,7 @@ class Runtime:
         """Tell the boards that the run is over, and give them time to hear it."""
         self._ending = True
         self.post.end(encode(End(self.enrolment.run_id, shortened(reason))))
-        deadline = time.monotonic() + FAREWELL_S
+        deadline = time.monotonic() + (HURRIED_S if reason == STOPPED else FAREWELL_S)
         while any(seat.boot is not None for seat in self.enrolment.seats):
             if time.monotonic() > deadline:
                 return

@@ -6,11 +6,14 @@ import signal
 from collections.abc import Callable
 from itertools import pairwise
 
+import pytest
+
 from deploy.results import read_run
 from deploy.scenario import load
 from deploy.twin import run_twin
-from plant_server.record import TickRecord
+from plant_server.record import STOPPED, Outcome, TickRecord
 from plant_server.spool import Spool, read_spool
+from protocol.exit_codes import ExitCode
 from protocol.fingerprint import fingerprint
 from protocol.machine import clock_id
 from protocol.timing import Timing
@@ -104,11 +107,37 @@ def check_efforts(spool: Spool) -> None:
         assert 10_000 < frames[-1].memory_kb < 1_000_000
 
 
-def check_beginning(recorded: list[TickRecord], settings: list[str]) -> None:
-    """What could be read is the beginning of the run that the twin has."""
+def check_beginning(recorded: list[TickRecord]) -> Outcome:
+    """What could be read is the beginning of a run that the twin has; how that one ended."""
     ticks = recorded[-1].tick + 1
-    twin, _ = run_twin(load("paper", [*settings, f"run.duration_s={ticks / 1000}"]))
+    twin, outcome = run_twin(load("paper", [f"run.duration_s={ticks / 1000}"]))
     assert [record[:4] for record in recorded] == [record[:4] for record in twin]
+    return outcome
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_ends_between_two_ticks(
+    make_rig: Callable[..., Rig], number: signal.Signals
+) -> None:
+    """Its last state is one that the twin has as well, and boards have told of all its ticks."""
+    rig = make_rig("run.duration_s=600")
+    spool = rig.folder / "run.spool"
+    plant = rig.plant("--spool", str(spool))
+    boards = [rig.board(joint) for joint in rig.scenario.joints]
+    eventually(lambda: recorded_ticks(spool) > 100)
+    plant.send_signal(number)
+    assert plant.wait(30) == ExitCode.STOPPED
+    assert [board.wait(30) for board in boards] == [0, 0, 0]
+    back = read_spool(spool)
+    assert back.complete
+    assert back.outcome is not None
+    assert back.outcome.ending == STOPPED
+    twin = check_beginning(back.ticks)
+    assert back.outcome[:3] == twin[:3]
+    told = set(BoardTimes(back.timings, 3).said)
+    recorded = {(board, record.tick) for board in range(3) for record in back.ticks}
+    open_tick = {(board, twin.tick) for board in range(3)}
+    assert recorded <= told <= recorded | open_tick
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(make_rig: Callable[..., Rig]) -> None:
@@ -127,7 +156,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(make_rig: Callable[..., 
     back = read_spool(spool)
     assert not back.complete
     assert back.outcome is None
-    check_beginning(back.ticks, [])
+    check_beginning(back.ticks)
 
 
 def test_a_killed_plant_leaves_what_it_has_written(make_rig: Callable[..., Rig]) -> None:
@@ -144,7 +173,7 @@ def test_a_killed_plant_leaves_what_it_has_written(make_rig: Callable[..., Rig])
     assert len(back.ticks) >= before
     assert None not in back.walls
     assert not back.complete
-    check_beginning(back.ticks, [])
+    check_beginning(back.ticks)
 
 
 def test_a_plant_that_waits_for_a_frozen_board_has_recorded_all_that_was(
