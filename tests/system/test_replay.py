@@ -225,7 +225,8 @@ def test_without_room_for_the_spool_the_user_learns_what_there_is(tmp_path: Path
     done = run_with_room(folder, 400_000)
     assert done.returncode == ExitCode.NO_OUTPUT
     first, last = done.stderr.splitlines()
-    assert first.startswith("recording stopped at tick ")
+    # A fast machine is through with the run before its disk has said no.
+    assert first.startswith(("recording stopped at tick ", "recording is incomplete: "))
     assert last.startswith("the recording does not say how the run ended; decmesh recover ")
     recovered = decmesh("recover", str(folder))
     assert recovered.stdout.endswith("the recording is incomplete\n")
