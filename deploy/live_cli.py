@@ -1,4 +1,4 @@
-"""Commands on a running robot: cut, heal, loss, delay, push, reference, unplug, plug, status."""
+"""Commands on a running robot: cut, heal, loss, delay, push, reference, sensor, and so on."""
 
 import json
 import math
@@ -9,6 +9,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from deploy.sensor_faults import fault_amount
+from deploy.ticks import MeaningError
+from protocol import sensors
 from protocol.commands import Command
 
 RigOption = Annotated[
@@ -121,6 +124,43 @@ def reference(
     )
 
 
+def sensor(
+    joint: str,
+    fault: Annotated[str, typer.Argument(help=f"One of {', '.join(sensors.FAULTS)}.")],
+    which: Annotated[str, typer.Option("--of", help=", ".join(sensors.NAMES))] = sensors.ENCODER,
+    duration: Annotated[str | None, typer.Option("--for", help="Such as 500ms.")] = None,
+    period: Annotated[str | None, typer.Option(help="Of a slow one, such as 20ms.")] = None,
+    delay: Annotated[str | None, typer.Option(help="Of a delayed one, such as 100ms.")] = None,
+    probability: Annotated[float | None, typer.Option(help="Of an intermittent one.")] = None,
+    rig: RigOption = None,
+) -> None:
+    """Let a sensor of a board fail, or be whole again (ok).
+
+    Example: decmesh sensor knee stuck --for 500ms
+    """
+    period_ms, delay_ms, for_ms = (
+        None if text is None else quantity(text, "time") * 1e3 for text in (period, delay, duration)
+    )
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        tick_ms = status["tick_s"] * 1e3
+        try:
+            amount = fault_amount(
+                fault,
+                period_ms=period_ms,
+                delay_ms=delay_ms,
+                probability=probability,
+                tick_ms=tick_ms,
+            )
+        except MeaningError as error:
+            raise typer.BadParameter(str(error)) from error
+        ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
+        board = live.index_of(joint, _joints(status), "joint")
+        return ["sensor", board, which, fault, amount, ticks]
+
+    _do(command, rig)
+
+
 def unplug(joint: str, rig: RigOption = None) -> None:
     """Pull a board: its process is killed.
 
@@ -159,6 +199,8 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
         enabled = "yes" if board["enabled"] else "no"
         boards.add_row(board["joint"], str(board["incarnation"]), board["state"], enabled, torque)
     out.print(boards)
+    for broken in now["sensor_faults"]:
+        out.print(f"{broken['joint']}: {broken['sensor']} is {broken['fault']}", highlight=False)
     links = Table("link", "faults", "", box=None)
     for link in now["links"]:
         faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
@@ -167,7 +209,7 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     out.print(links)
 
 
-ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)
+ALL = (cut, heal, loss, delay, push, reference, sensor, unplug, plug, status)
 
 
 def _joints(status: dict[str, Any]) -> list[str]:

@@ -14,6 +14,7 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
+    foot                                    null without one; else margin_min_m, tipping_ticks
     versions                                python, decmesh, zenoh, numpy
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
@@ -28,6 +29,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
+from deploy.foot_margin import foot_margin
 from deploy.indices import all_indices, elections, energy
 from deploy.trajectory import Trajectory
 
@@ -40,7 +42,7 @@ DISTRIBUTIONS = {"decmesh": "decmesh", "zenoh": "eclipse-zenoh", "numpy": "numpy
 def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
     """Sum up a run; the page above lists the keys."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    agreed = elections(trajectory)
+    agreed, foot = elections(trajectory), foot_margin(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -55,6 +57,7 @@ def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
+        "foot": foot and foot._asdict(),
         "versions": versions(),
     }
     finite: Summary = _finite(values)

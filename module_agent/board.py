@@ -17,10 +17,12 @@ from module_agent.config import BoardConfig, Controls
 from module_agent.consensus import Candidate, Gossip
 from module_agent.election import Election, Heard
 from module_agent.hearing import Hearing
+from module_agent.lateness import speech
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
-from module_agent.servo import Servo
-from module_agent.speech import Doing, Speech
+from module_agent.servo import servo
+from module_agent.speech import Doing
+from protocol.clocks import STEADY
 from protocol.commands import ANY, LINK, LinkParameters, decode_board_command
 from protocol.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
 from protocol.states import COUNTERS, State
@@ -62,7 +64,12 @@ class Board:
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
-        self.sensing = Sensing()
+        self.sensing = Sensing(
+            config.sensor_sheet,
+            tick_s=config.tick_s,
+            has_imu=config.has_imu,
+            uneven=config.clock != STEADY,
+        )
         self.view = BodyView(
             config.link,
             tick_s=config.tick_s,
@@ -70,10 +77,12 @@ class Board:
             has_imu=config.has_imu,
             bottom=config.index == 0,
         )
-        self.speech = Speech(
+        self.speech = speech(
             config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
         )
-        self.servo = Servo(config.gains, tick_s=config.tick_s)
+        self.servo = servo(
+            config.gains, tick_s=config.tick_s, torque_rate_nm_s=config.torque_rate_nm_s
+        )
         self.election = (
             None if config.election is None else Election(config.election, board=config.index)
         )
@@ -258,6 +267,8 @@ OWN_COUNTS: tuple[Callable[[Board], int], ...] = (
     lambda board: board.state_ticks[State.EXTRAPOLATING],
     lambda board: board.state_ticks[State.RECKONING],
     lambda board: board.sensing.implausible_samples,
+    lambda board: board.sensing.inconsistent_samples,
+    lambda board: board.sensing.stuck_samples,
     lambda board: 0 if board.election is None else board.election.incomplete_epochs,
 )
 """What a board counts but for refusals, in the order of `protocol.states.COUNTERS`."""

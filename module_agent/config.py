@@ -7,7 +7,9 @@ from typing import Any
 from module_agent.election import ElectionConfig
 from module_agent.kinematics import Link
 from module_agent.servo import ServoGains
+from protocol.clocks import STEADY, ClockSheet, clock_sheet
 from protocol.commands import PERFECT, LinkParameters, changed
+from protocol.sensors import EXACT, SensorSheet
 from protocol.wiring import neighbours
 
 
@@ -52,6 +54,10 @@ class BoardConfig:
     has_force_plate: bool
     election: ElectionConfig | None
     """None: every board stays enabled (the original DEC)."""
+    clock: ClockSheet = STEADY
+    sensor_sheet: SensorSheet = EXACT
+    torque_rate_nm_s: float | None = None
+    """How fast the motor's torque can change; None: at once."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -95,4 +101,7 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
             if election["enabled"]
             else None
         ),
+        clock=clock_sheet(board["clock"]),
+        sensor_sheet=SensorSheet(**board["sensors"]),
+        torque_rate_nm_s=board["actuator"]["torque_rate_nm_s"],
     )

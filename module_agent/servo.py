@@ -54,3 +54,42 @@ class Servo:
         if not outwards:
             self.integral_rad_s = integral
         return torque
+
+
+class SlewingServo(Servo):
+    """A servo that knows how fast its motor's torque can change, and asks for no more.
+
+    The integral stands still as well while the motor is on its way and the error would send it
+    further.
+    """
+
+    def __init__(self, gains: ServoGains, *, tick_s: float, torque_rate_nm_s: float) -> None:
+        super().__init__(gains, tick_s=tick_s)
+        self._change_nm_max = torque_rate_nm_s * tick_s
+        self._asked_nm = 0.0
+
+    def torque_nm(self, *, error_rad: float, rate_rad_s: float, com_sway_rad: float) -> float:
+        """As `Servo.torque_nm`, but within reach of the last torque asked for."""
+        before = self.integral_rad_s
+        wanted = super().torque_nm(
+            error_rad=error_rad, rate_rad_s=rate_rad_s, com_sway_rad=com_sway_rad
+        )
+        change = wanted - self._asked_nm
+        most = self._change_nm_max
+        if change > most:
+            change, outwards = most, error_rad < 0.0
+        elif change < -most:
+            change, outwards = -most, error_rad > 0.0
+        else:
+            outwards = False
+        if outwards:
+            self.integral_rad_s = before
+        self._asked_nm += change
+        return self._asked_nm
+
+
+def servo(gains: ServoGains, *, tick_s: float, torque_rate_nm_s: float | None) -> Servo:
+    """The servo for a motor; None: its torque changes at once."""
+    if torque_rate_nm_s is None:
+        return Servo(gains, tick_s=tick_s)
+    return SlewingServo(gains, tick_s=tick_s, torque_rate_nm_s=torque_rate_nm_s)

@@ -11,6 +11,7 @@ from zlib import compress
 from plant_server.lockstep import Lockstep
 from protocol.commands import PERFECT, Command, CommandError, check_command
 from protocol.frames import VERSION, ProtocolError, TorqueFrame, unseal
+from protocol.sensors import ALL
 from protocol.states import State
 
 STATUS = "status"
@@ -49,6 +50,11 @@ def status(lockstep: Lockstep, joints: list[str]) -> dict[str, Any]:
         "boards": [
             _board(joint, roster.incarnations[board], lockstep.latest[board])
             for board, joint in enumerate(joints)
+        ],
+        "sensor_faults": [
+            {"joint": joint, "sensor": sensor, "fault": fault}
+            for board, joint in enumerate(joints)
+            for sensor, fault in lockstep.sensors.faults(board, lockstep.tick).items()
         ],
         "links": [
             {
@@ -105,6 +111,10 @@ def _check_effect(lockstep: Lockstep, joints: list[str], command: Command) -> No
     match command:
         case ["unplug", board] if not lockstep.roster.present(board):
             raise CommandError(f"{joints[board]} is not plugged in")
+        case ["sensor", board, sensor, *_] if sensor not in (*lockstep.config.sensors[board], ALL):
+            raise CommandError(f"{joints[board]} has no {sensor}")
+        case ["plug", board] if lockstep.start_up.under_way(board):
+            raise CommandError(f"{joints[board]} is starting up already")
         case ["plug", board] if lockstep.roster.present(board):
             raise CommandError(f"{joints[board]} is plugged in already")
         case ["reference", board, _] if not lockstep.roster.present(board):

@@ -27,6 +27,8 @@ COUNTERS = (
     "extrapolated_ticks",
     "reckoned_ticks",
     "implausible_samples",
+    "inconsistent_samples",
+    "stuck_samples",
     "incomplete_epochs",
     *(f"refused_{reason}" for reason in Reason),
 )
