@@ -255,20 +255,23 @@ class Board:
 
     def _count(self, counter: int) -> int:
         """The value of one of `protocol.states.COUNTERS`."""
-        if counter >= len(OWN_COUNTS):
-            reason = REASONS[counter - len(OWN_COUNTS)]
-            return self.refused[reason] + sum(hearing.refused[reason] for hearing in self.hearings)
-        return OWN_COUNTS[counter](self)
+        return COUNTS[counter](self)
 
 
-REASONS = tuple(Reason)
-OWN_COUNTS: tuple[Callable[[Board], int], ...] = (
+def _refused(reason: Reason) -> Callable[[Board], int]:
+    return lambda board: (
+        board.refused[reason] + sum(hearing.refused[reason] for hearing in board.hearings)
+    )
+
+
+COUNTS: tuple[Callable[[Board], int], ...] = (
     lambda board: board.state_ticks[State.HOLDING],
     lambda board: board.state_ticks[State.EXTRAPOLATING],
     lambda board: board.state_ticks[State.RECKONING],
     lambda board: board.sensing.implausible_samples,
+    lambda board: 0 if board.election is None else board.election.incomplete_epochs,
+    *map(_refused, Reason),
     lambda board: board.sensing.inconsistent_samples,
     lambda board: board.sensing.stuck_samples,
-    lambda board: 0 if board.election is None else board.election.incomplete_epochs,
 )
-"""What a board counts but for refusals, in the order of `protocol.states.COUNTERS`."""
+"""What a board counts, in the order of `protocol.states.COUNTERS`."""

@@ -14,7 +14,8 @@ Rule 2: a reading that says nothing wrong passes by a sum and some comparisons. 
 What the rate makes of an angle is kept as one number, `off`: how far the angle is from where the
 rate has taken it. Between two readings the joint has turned by something between what the one rate
 and what the other says: a brake may have stopped it at any time. What is beyond that adds up, and
-fades away in an eighth of a second, so that small errors of the rate do not.
+fades away in an eighth of a second, so that small errors of the rate do not. While there is a doubt
+it does not fade: an angle that comes back from a glitch is where it should be.
 
 A rate that is the encoder's own difference is no second opinion. Then an angle is inconsistent when
 it is farther from the last than a joint can turn. And a stuck encoder with steps, whose rate is its
@@ -86,7 +87,9 @@ class Angle:
         self._slack_rad = _slack_rad(sheet, tick_s) if sheet.own_rate else self._jump_rad
         self._slack_rad += 1.5 * sheet.step_rad
         self._half_s = 0.5 * tick_s if sheet.own_rate else 0.0
-        self._kept = max(0.0, 1.0 - tick_s / FADES_S) if sheet.own_rate else 0.0
+        self._keeps_trusted = max(0.0, 1.0 - tick_s / FADES_S) if sheet.own_rate else 0.0
+        self._keeps_doubted = 1.0 if sheet.own_rate else 0.0
+        self._keeps = self._keeps_doubted
         noise_rad_s = NOISE_DEVIATIONS * sheet.rate_noise_rad_s_per_sqrt_hz * sqrt(2.0 / tick_s)
         leap_rad_s = LEAP_RAD_S2_MAX * tick_s + noise_rad_s
         self._leap_rad_s = leap_rad_s if sheet.own_rate else inf
@@ -112,7 +115,7 @@ class Angle:
             beyond_rad += between_rad
         elif -between_rad <= beyond_rad:  # Not so of a NaN.
             beyond_rad = 0.0
-        off_rad = self._kept * self._off_rad + beyond_rad
+        off_rad = self._keeps * self._off_rad + beyond_rad
         if (
             -self._room_rad <= off_rad <= self._room_rad
             and rad != self._rad
@@ -123,13 +126,14 @@ class Angle:
         doubted = self._room_rad < 0.0
         if not doubted:
             self._good_rad, self._ticks, self._room_rad = self._rad, 0, -1.0
+            self._keeps = self._keeps_doubted
         self._ticks += 1
         leaps = doubted and fabs(rad_s - self._rad_s) > self._leap_rad_s and not isnan(self._rad)
         verdict = self._considered(tick, rad, rad_s, witness, off_rad)
         if verdict is FINE and leaps:
             verdict = Verdict.INCONSISTENT
         if verdict is FINE:
-            self._room_rad = self._slack_rad
+            self._room_rad, self._keeps = self._slack_rad, self._keeps_trusted
         return verdict
 
     def restart(self) -> None:

@@ -27,9 +27,10 @@ COUNTERS = (
     "extrapolated_ticks",
     "reckoned_ticks",
     "implausible_samples",
-    "inconsistent_samples",
-    "stuck_samples",
     "incomplete_epochs",
     *(f"refused_{reason}" for reason in Reason),
+    "inconsistent_samples",
+    "stuck_samples",
 )
-"""Telemetry: a torque frame carries one of these, the next tick the next, and so on around."""
+"""Telemetry: a torque frame carries one of these, the next tick the next, and so on around. Numbers
+keep their meaning: new ones come behind."""

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from module_agent.servo import Servo, ServoGains
+from module_agent.servo import Servo, ServoGains, SlewingServo, servo
 
 LAW = settings(max_examples=200, deadline=None, derandomize=True)
 GAINS = ServoGains(
@@ -111,3 +111,45 @@ def test_the_integral_survives_a_change_of_goal() -> None:
     for error in (0.5, -0.2, 0.0, 0.3):
         servo.torque_nm(error_rad=error, rate_rad_s=0.0, com_sway_rad=0.0)
     assert servo.integral_rad_s == pytest.approx(0.6 * TICK_S)
+
+
+def _slewing(rate: float = 1000.0) -> SlewingServo:
+    return SlewingServo(GAINS, tick_s=TICK_S, torque_rate_nm_s=rate)
+
+
+def test_a_motor_that_changes_at_once_needs_no_other_servo() -> None:
+    assert type(servo(GAINS, tick_s=TICK_S, torque_rate_nm_s=None)) is Servo
+    assert type(servo(GAINS, tick_s=TICK_S, torque_rate_nm_s=1.0)) is SlewingServo
+
+
+@LAW
+@given(inputs=INPUTS, rate=st.floats(100.0, 1e6))
+def test_it_asks_for_no_more_than_the_motor_can_do_in_a_tick(
+    inputs: list[tuple[float, float, float]], rate: float
+) -> None:
+    slewing, before = _slewing(rate), 0.0
+    for error, rate_rad_s, sway in inputs:
+        asked = slewing.torque_nm(error_rad=error, rate_rad_s=rate_rad_s, com_sway_rad=sway)
+        assert abs(asked - before) <= rate * TICK_S * (1.0 + 1e-9)
+        before = asked
+
+
+@LAW
+@given(inputs=INPUTS)
+def test_with_time_enough_it_is_the_servo(inputs: list[tuple[float, float, float]]) -> None:
+    plain, slewing = Servo(GAINS, tick_s=TICK_S), _slewing(1e9)
+    for error, rate_rad_s, sway in inputs:
+        told = {"error_rad": error, "rate_rad_s": rate_rad_s, "com_sway_rad": sway}
+        assert slewing.torque_nm(**told) == pytest.approx(plain.torque_nm(**told), abs=1e-9)
+        assert slewing.integral_rad_s == plain.integral_rad_s
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_integral_stands_still_while_the_motor_is_on_its_way(side: float) -> None:
+    """It moves again when the error has turned round."""
+    slewing = _slewing()
+    for _ in range(50):
+        slewing.torque_nm(error_rad=side, rate_rad_s=0.0, com_sway_rad=0.0)
+    assert slewing.integral_rad_s == 0.0
+    slewing.torque_nm(error_rad=-0.01 * side, rate_rad_s=0.0, com_sway_rad=side)
+    assert slewing.integral_rad_s == pytest.approx(-0.01 * side * TICK_S)

@@ -38,7 +38,7 @@ def test_the_torque_never_changes_faster_than_its_limit_and_gets_there(
         given_nm = one.torque_nm(wanted)
         assert abs(given_nm - before) <= most * (1.0 + 1e-9)
         reached = abs(wanted - before) <= most
-        assert (given_nm == wanted) or not reached
+        assert given_nm == pytest.approx(wanted, abs=1e-9) or not reached
         assert abs(given_nm - wanted) <= max(abs(before - wanted) - most, 0.0) + 1e-9
         before = given_nm
 
@@ -65,7 +65,7 @@ def test_a_motor_that_was_stopped_begins_at_nothing() -> None:
 
 
 def test_the_plant_applies_and_records_what_the_motor_gives() -> None:
-    """The limit first, then the motor; an ideal one at the other joints costs and changes nothing."""
+    """The limit first, then the motor; ideal ones at the other joints change nothing."""
     slow = MotorSheet(torque_rate_nm_s=5000.0)
     ideal = MotorSheet()
     lockstep = plant(motor_sheets=(slow, ideal, ideal))

@@ -1,4 +1,4 @@
-"""The foot: how much torque the sole can pass on, and what is recorded when it is asked for more."""
+"""The foot: how much torque the sole can pass on, and what is recorded of too much."""
 
 import pytest
 from hypothesis import given, settings

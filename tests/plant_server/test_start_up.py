@@ -1,8 +1,8 @@
 """A board that is plugged in takes a while: until then it is nobody."""
 
+from plant_server.lockstep import Lockstep
 from protocol.clocks import STEADY, ClockSheet
 from protocol.commands import Command
-from plant_server.lockstep import Lockstep
 from protocol.sensors import EXACT
 from tests.plant_server.plant import KNEE, happened, plant, play
 
