@@ -1,4 +1,4 @@
-"""Commands on a running robot: cut, heal, loss, delay, push, reference, unplug, plug, status."""
+"""Commands on a running robot: cut, heal, loss, delay, push, reference, sensor, and so on."""
 
 import math
 import re
@@ -8,7 +8,10 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from deploy.sensor_faults import fault_amount
 from deploy.terminal import JsonOption, out, print_json
+from deploy.ticks import MeaningError
+from protocol import sensors
 from protocol.commands import Command
 from protocol.frames import Reason
 from protocol.storms import Storm
@@ -140,6 +143,44 @@ def reference(
     _of_joint(joint, "reference", [quantity(angle, "angle")], rig, as_json=as_json)
 
 
+def sensor(
+    joint: JointArgument,
+    fault: Annotated[str, typer.Argument(help=f"One of {', '.join(sensors.FAULTS)}.")],
+    which: Annotated[str, typer.Option("--of", help=", ".join(sensors.NAMES))] = sensors.ENCODER,
+    duration: Annotated[str | None, typer.Option("--for", help="Such as 500ms.")] = None,
+    period: Annotated[str | None, typer.Option(help="Of a slow one, such as 20ms.")] = None,
+    delay: Annotated[str | None, typer.Option(help="Of a delayed one, such as 100ms.")] = None,
+    probability: Annotated[float | None, typer.Option(help="Of an intermittent one.")] = None,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A sensor of a board fails, or is whole again (ok).
+
+    Example: decmesh sensor knee stuck --for 500ms
+    """
+    period_ms, delay_ms, for_ms = (
+        None if text is None else quantity(text, "time") * 1e3 for text in (period, delay, duration)
+    )
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        tick_ms = status["tick_s"] * 1e3
+        try:
+            amount = fault_amount(
+                fault,
+                period_ms=period_ms,
+                delay_ms=delay_ms,
+                probability=probability,
+                tick_ms=tick_ms,
+            )
+        except MeaningError as error:
+            raise typer.BadParameter(str(error)) from error
+        ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
+        joints = [board["joint"] for board in status["boards"]]
+        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, amount, ticks]
+
+    _do(command, rig, as_json=as_json)
+
+
 def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
     """A board is pulled: its process is killed.
 
@@ -175,6 +216,8 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     for board in now["boards"]:
         for line in _troubles(board):
             out.print(f"{board['joint']}: {line}", highlight=False, markup=False, soft_wrap=True)
+    for broken in now["sensor_faults"]:
+        out.print(f"{broken['joint']}: {broken['sensor']} is {broken['fault']}", highlight=False)
     links = Table("link", "faults", "", box=None)
     for link in now["links"]:
         faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
@@ -210,7 +253,7 @@ def _troubles(board: dict[str, Any]) -> Iterator[str]:
         yield f"fault {board['fault']['code']} ({board['fault']['name']}), {first}"
 
 
-ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)
+ALL = (cut, heal, loss, delay, push, reference, sensor, unplug, plug, status)
 
 
 def _change(

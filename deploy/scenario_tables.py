@@ -20,16 +20,16 @@ from pydantic import (
     model_validator,
 )
 
+from deploy.board_tables import BoardHardware, hardware_misfits, sensor_names
 from deploy.controllers import ControllerOfBoards, Reference
 from deploy.event_tables import (
     AnyEvent,
     Body,
-    MeaningError,
     StandingLink,
     commands,
     standing_links,
 )
-from deploy.ticks import whole_ticks
+from deploy.ticks import MeaningError, whole_ticks
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,15}$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -117,7 +117,7 @@ class UnattendedTable(Table):
     damping_nm_s_rad: NotNegative = 0.0
 
 
-class BoardTable(Table):
+class BoardTable(Table, BoardHardware):
     """One joint board and the link that it carries."""
 
     joint: Name
@@ -125,8 +125,6 @@ class BoardTable(Table):
     reference_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     initial_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     lumped_delay_ms: Annotated[float, Field(ge=0, le=10_000)] = 10.0
-    imu: bool = False
-    force_plate: bool = False
     controller: Reference | None = None
     servo: ServoTable
     link: LinkTable
@@ -168,6 +166,7 @@ def misfits(tree: dict[str, Any]) -> Iterator[str]:
         for i, board in enumerate(boards):
             if board is not None:
                 yield from _delay_misfits(i, board, run, hops_up=len(boards) - 1 - i)
+                yield from hardware_misfits(i, board, body_of(run, []))
     if election is not None and election.enabled and election.rounds < len(boards) - 1:
         yield (
             f"election.rounds: {election.rounds} is less than the {len(boards) - 1} hops from end"
@@ -223,6 +222,7 @@ def body_of(run: Run, boards: list[BoardTable]) -> Body:
     return Body(
         joints=[board.joint for board in boards],
         segments=[board.link.name for board in boards],
+        sensors=[sensor_names(board) for board in boards],
         tick_ms=run.tick_ms,
         ticks=whole_ticks(run.duration_s * 1e3, run.tick_ms) or 0,
     )

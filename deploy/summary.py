@@ -16,6 +16,9 @@
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
     faults                                  boards that failed: joint, tick, code, text
+    degraded                                boards that asked for a torque that is no number, which
+                                            was not applied: joint, tick (the first), ticks
+    foot                                    null without one; else margin_min_m, tipping_ticks
     versions                                python, decmesh, zenoh, numpy, msgpack
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
@@ -29,6 +32,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from deploy.foot_margin import foot_margin
 from deploy.indices import all_indices, elections, energy
 from deploy.trajectory import Trajectory
 from plant_server.facts import versions
@@ -40,7 +46,7 @@ Mode = Literal["processes", "twin"]
 def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = None) -> Summary:
     """Sum up a run; the page above lists the keys. The digest is that of its recording."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    agreed = elections(trajectory)
+    agreed, foot = elections(trajectory), foot_margin(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -60,6 +66,8 @@ def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = 
             {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)
         ],
+        "degraded": list(_degraded(trajectory)),
+        "foot": foot and foot._asdict(),
         "versions": versions(),
     }
     finite: Summary = _finite(values)
@@ -69,6 +77,14 @@ def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = 
 def _failures(trajectory: Trajectory) -> Iterator[tuple[int, list[Any]]]:
     """Events of boards that failed, with their ticks."""
     return ((tick, event) for tick, event in trajectory.events if event[0] == "fault")
+
+
+def _degraded(trajectory: Trajectory) -> Iterator[dict[str, Any]]:
+    """Boards whose torque was no number, so that the plant had to make do without."""
+    refused = ~np.isfinite(trajectory.asked_nm)
+    for joint, ticks in zip(trajectory.joints, refused.T, strict=True):
+        if ticks.any():
+            yield {"joint": joint, "tick": int(ticks.argmax()), "ticks": int(ticks.sum())}
 
 
 def write_summary(path: Path, values: Summary) -> None:

@@ -8,22 +8,24 @@ the plant (S10). Everything a board does follows from the bytes it was given and
 """
 
 from collections import Counter
-from collections.abc import Callable
 from math import fabs
 from typing import NamedTuple
 
 from module_agent.body_view import BodySample, BodyView, Turn
 from module_agent.config import BoardConfig, Controls
 from module_agent.controller import Candidate, Seen
-from module_agent.election import Gossip, Heard
+from module_agent.counts import COUNTS
+from module_agent.election import Election, Gossip, Heard
 from module_agent.foreign import FaultError, controller_of, election_of
 from module_agent.hearing import Hearing
+from module_agent.lateness import speech
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
-from module_agent.speech import Doing, Speech
+from module_agent.speech import Doing
+from protocol.clocks import STEADY
 from protocol.commands import ANY, LINK, LinkParameters, decode_board_command
 from protocol.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
-from protocol.states import COUNTERS, Counters, State, entered
+from protocol.states import Counters, State, entered
 
 SYNCING, SAFE, FAULT = State.SYNCING, State.SAFE, State.FAULT
 
@@ -66,7 +68,12 @@ class Board:
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
-        self.sensing = Sensing()
+        self.sensing: Sensing = Sensing(
+            config.sensor_sheet,
+            tick_s=config.tick_s,
+            has_imu=config.has_imu,
+            uneven=config.clock != STEADY,
+        )
         self.view = BodyView(
             config.link,
             tick_s=config.tick_s,
@@ -74,11 +81,11 @@ class Board:
             has_imu=config.has_imu,
             bottom=config.index == 0,
         )
-        self.speech = Speech(
+        self.speech = speech(
             config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
         )
         self.servo = controller_of(config)
-        self.election = election_of(config)
+        self.election: Election | None = election_of(config)
         self._hear_body = [
             self.view.hear_from_above if other > config.index else self.view.hear_from_below
             for other in config.neighbours
@@ -90,7 +97,7 @@ class Board:
         self.held_rad: float | None = None
         self.next_tick: int | None = None
         self.refused: Counter[Reason] = Counter()
-        self.state_ticks = [0] * (max(State) + 1)
+        self.state_ticks: list[int] = [0] * (max(State) + 1)
         self._synced_tick = 0
         self._unsaid: tuple[bytes, ...] = ()
 
@@ -104,7 +111,7 @@ class Board:
     @property
     def counters(self) -> Counters:
         """All that this board counts."""
-        return Counters(*map(self._count, range(len(COUNTERS))))
+        return Counters(*(count(self) for count in COUNTS))
 
     def read(self, payload: bytes) -> Observation:
         """Check an observation.
@@ -264,13 +271,13 @@ class Board:
     def _say(self, tick: int, torque_nm: float, controlled_rad: float) -> Actuation:
         gossip = self._gossip()
         said = self.speech.to_neighbours(tick, gossip, self.state)
-        counter = tick % len(COUNTERS)
+        counter = tick % len(COUNTS)
         torque = self.speech.to_plant(
             tick,
             gossip,
             Doing(torque_nm, self.state, self.enabled, controlled_rad),
             counter=counter,
-            counted=self._count(counter),
+            counted=COUNTS[counter](self),
             said=said,
         )
         faults, self._unsaid = self._unsaid, ()
@@ -280,21 +287,3 @@ class Board:
         if self.election is None:
             return Gossip(NO_EPOCH, 0, Candidate(0.0, self.config.index))
         return self.election.gossip
-
-    def _count(self, counter: int) -> int:
-        """The value of one of `protocol.states.COUNTERS`."""
-        if counter >= len(OWN_COUNTS):
-            reason = REASONS[counter - len(OWN_COUNTS)]
-            return self.refused[reason] + sum(hearing.refused[reason] for hearing in self.hearings)
-        return OWN_COUNTS[counter](self)
-
-
-REASONS = tuple(Reason)
-OWN_COUNTS: tuple[Callable[[Board], int], ...] = (
-    lambda board: board.state_ticks[State.HOLDING],
-    lambda board: board.state_ticks[State.EXTRAPOLATING],
-    lambda board: board.state_ticks[State.RECKONING],
-    lambda board: board.sensing.implausible_samples,
-    lambda board: 0 if board.election is None else board.election.incomplete_epochs,
-)
-"""What a board counts but for refusals, in the order of `protocol.states.COUNTERS`."""

@@ -5,7 +5,9 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 from module_agent.kinematics import Link
+from protocol.clocks import STEADY, ClockSheet, clock_sheet
 from protocol.commands import PERFECT, LinkParameters, changed
+from protocol.sensors import EXACT, SensorSheet
 from protocol.wiring import neighbours
 
 
@@ -84,6 +86,10 @@ class BoardConfig:
     """A servo from outside; None: ours."""
     rule: Source | None = None
     """An election from outside; None: ours."""
+    clock: ClockSheet = STEADY
+    sensor_sheet: SensorSheet = EXACT
+    torque_rate_nm_s: float | None = None
+    """How fast the motor's torque can change; None: at once."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -129,6 +135,9 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
         ),
         controller=_source(values, board["controller"]),
         rule=_source(values, election["rule"]),
+        clock=clock_sheet(board["clock"]),
+        sensor_sheet=SensorSheet(**board["sensors"]),
+        torque_rate_nm_s=board["actuator"]["torque_rate_nm_s"],
     )
 
 

@@ -23,7 +23,7 @@ from module_agent.config import BoardConfig, Source
 from module_agent.consensus import MaxConsensus
 from module_agent.controller import Candidate, Controller, Round, Seen, Vote
 from module_agent.election import Election
-from module_agent.servo import Servo
+from module_agent.servo import servo
 from protocol.scenario import ScenarioError
 from protocol.states import FaultCode
 
@@ -114,7 +114,7 @@ class WalledRule(_Walled):
 
 def controller_of(config: BoardConfig) -> Controller:
     """The servo of a board: ours, or the one that its scenario names."""
-    return WalledController(config.controller, config) if config.controller else Servo(config)
+    return WalledController(config.controller, config) if config.controller else servo(config)
 
 
 def election_of(config: BoardConfig) -> Election | None:

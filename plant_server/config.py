@@ -2,8 +2,12 @@
 
 from typing import Any, NamedTuple
 
+from plant_server.body import Spring
 from plant_server.chain import LinkInertia
+from plant_server.hardware import FootSheet, MotorSheet
+from protocol.clocks import ClockSheet, clock_sheet
 from protocol.commands import PERFECT, Command, LinkParameters, changed
+from protocol.sensors import SensorSheet, sensors_of
 
 
 class Unattended(NamedTuple):
@@ -38,6 +42,18 @@ class PlantConfig(NamedTuple):
     fallen_below: float
     """Fraction of the upright height of the centre of mass."""
     warm_up_ticks: int
+    seed: int = 0
+    """Of all noise."""
+    sensors: tuple[tuple[str, ...], ...] = ()
+    """Names of the sensors of each board."""
+    sensor_sheets: tuple[SensorSheet, ...] = ()
+    clock_sheets: tuple[ClockSheet, ...] = ()
+    motor_sheets: tuple[MotorSheet, ...] = ()
+    """Of each board; empty: everything is ideal."""
+    passive: tuple[Spring | None, ...] = ()
+    """The joints' own springs and dampers."""
+    foot: FootSheet | None = None
+    """None: the ground takes any torque."""
 
 
 def plant_config(values: dict[str, Any]) -> PlantConfig:
@@ -45,6 +61,7 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
     run, boards = values["run"], values["board"]
     orientations = [board["initial_rad"] for board in boards]
     below = [0.0, *orientations[:-1]]
+    foot = boards[0]["foot"]
     return PlantConfig(
         joints=tuple(board["joint"] for board in boards),
         segments=tuple(values["link_names"]),
@@ -65,4 +82,23 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
         ticks=run["ticks"],
         fallen_below=run["fallen_below"],
         warm_up_ticks=max(board["lumped_delay_ticks"] for board in boards),
+        seed=run["seed"],
+        sensors=tuple(
+            sensors_of(
+                imu=board["imu"],
+                force_plate=board["force_plate"],
+                differentiates=board["sensors"]["differentiates"],
+            )
+            for board in boards
+        ),
+        sensor_sheets=tuple(SensorSheet(**board["sensors"]) for board in boards),
+        clock_sheets=tuple(clock_sheet(board["clock"]) for board in boards),
+        motor_sheets=tuple(MotorSheet(**board["actuator"]) for board in boards),
+        passive=tuple(_passive(board["passive"]) for board in boards),
+        foot=None if foot is None else FootSheet(**foot),
     )
+
+
+def _passive(values: dict[str, float]) -> Spring | None:
+    spring = Spring(**values)
+    return spring if spring.stiffness_nm_rad or spring.damping_nm_s_rad else None

@@ -9,7 +9,7 @@ from math import copysign, fabs, isfinite
 from module_agent.board import Board
 from module_agent.body_view import FORGET_EVERY_TICKS
 from module_agent.hearing import EARLY_FRAMES_MAX, Hearing
-from plant_server.lockstep import INVALID_TORQUE_TICKS_MAX
+from plant_server.actuators import INVALID_TORQUE_TICKS_MAX
 from plant_server.record import TickRecord
 from protocol.commands import DELAY_TICKS_MAX, PERFECT
 from protocol.frames import NO_EPOCH, NO_TICK, LinkFrame, TorqueFrame, decode
