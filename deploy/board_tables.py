@@ -63,6 +63,8 @@ class ActuatorTable(HardwareTable):
     torque_rate_nm_s: Positive | None = None
     torque_step_nm: NotNegative = 0.0
     lag_ms: Milliseconds = 0.0
+    hold_ticks: Annotated[int, Field(ge=0, le=1000)] = 10
+    """How long the last valid command stands in for one that is no number."""
 
 
 class PassiveTable(HardwareTable):
@@ -122,6 +124,7 @@ def resolved_hardware(board: BoardHardware, tick_ms: float) -> dict[str, Any]:
             "torque_rate_nm_s": actuator.torque_rate_nm_s,
             "torque_step_nm": actuator.torque_step_nm,
             "lag_s": actuator.lag_ms / 1e3,
+            "hold_ticks": actuator.hold_ticks,
         },
         "passive": {
             "rest_rad": radians(passive.rest_deg),

@@ -2,8 +2,8 @@
 
     what a board asks for -> its limit -> whole steps -> rate limit -> lag -> what the foot can bear
 
-Rule 1: a torque that is no number is never applied. The last valid one stands in for it for at most
-        10 ticks, then none.
+Rule 1: a torque that is no number is never applied. The last valid one stands in for it for as many
+        ticks as the motor's data sheet says, then none.
 Rule 2: an ideal motor costs nothing: it gives what it is asked for, within its limit.
 Rule 3: a motor that nobody drives is off, at once: its torque is 0 and it starts again from there.
 """
@@ -16,7 +16,6 @@ from plant_server.config import PlantConfig
 from plant_server.foot import Foot
 from plant_server.hardware import IDEAL, MotorSheet
 
-INVALID_TORQUE_TICKS_MAX = 10
 SAFE_TORQUE_NM = 0.0
 
 
@@ -59,10 +58,12 @@ class Actuators:
         self._limits_nm = config.torque_limits_nm
         self._asked_nm = [0.0] * len(config.joints)
         self._invalid_ticks = [0] * len(config.joints)
+        sheets = config.motor_sheets or (IDEAL,) * len(config.joints)
+        self._hold_ticks = [sheet.hold_ticks for sheet in sheets]
         self._motors = {
             joint: Motor(sheet, tick_s=config.tick_s)
-            for joint, sheet in enumerate(config.motor_sheets)
-            if sheet != IDEAL
+            for joint, sheet in enumerate(sheets)
+            if not sheet.ideal
         }
         self._foot = None if config.foot is None else Foot(config.foot)
         self.tipping = False
@@ -80,7 +81,7 @@ class Actuators:
             return
         self.invalid_torques += 1
         self._invalid_ticks[joint] += 1
-        if self._invalid_ticks[joint] > INVALID_TORQUE_TICKS_MAX:
+        if self._invalid_ticks[joint] > self._hold_ticks[joint]:
             self._asked_nm[joint] = SAFE_TORQUE_NM
 
     def forget(self, joint: int) -> None:

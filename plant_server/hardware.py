@@ -12,6 +12,13 @@ class MotorSheet(NamedTuple):
     """Its command is a whole number of such steps."""
     lag_s: float = 0.0
     """Time constant of the first-order lag from command to torque."""
+    hold_ticks: int = 10
+    """How long the last valid command stands in for one that is no number."""
+
+    @property
+    def ideal(self) -> bool:
+        """Whether it gives at once what it is asked for."""
+        return self[:3] == IDEAL[:3]
 
 
 IDEAL = MotorSheet()

@@ -1,6 +1,7 @@
 """Motors: steps, a rate limit, a lag; and what they do when nobody drives them."""
 
 from math import exp, inf, nan
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -15,7 +16,7 @@ LAW = settings(max_examples=100, deadline=None, derandomize=True)
 TORQUES = st.lists(st.floats(-200.0, 200.0), min_size=1, max_size=50)
 
 
-def motor(**sheet: float) -> Motor:
+def motor(**sheet: Any) -> Motor:
     return Motor(MotorSheet(**sheet), tick_s=TICK_S)
 
 

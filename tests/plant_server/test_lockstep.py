@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant_server.hardware import IDEAL, MotorSheet
 from plant_server.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
 from protocol.commands import Command
 from protocol.frames import (
@@ -177,6 +178,15 @@ def test_a_torque_that_is_no_number_is_bridged_for_ten_ticks(number: float) -> N
     applied = [play(lockstep, number, 0.0, 0.0).torques_nm[0] for _ in range(11)]
     assert applied == [-4.0] * 10 + [0.0]
     assert not lockstep.body.fallen
+
+
+@pytest.mark.parametrize("hold_ticks", [0, 3])
+def test_how_long_it_is_bridged_is_in_the_motors_data_sheet(hold_ticks: int) -> None:
+    lockstep = plant(motor_sheets=(MotorSheet(hold_ticks=hold_ticks), IDEAL, IDEAL))
+    play(lockstep, 12.0, 12.0, 0.0)
+    applied = [play(lockstep, nan, nan, 0.0).torques_nm for _ in range(12)]
+    assert [torques[0] for torques in applied] == [12.0] * hold_ticks + [0.0] * (12 - hold_ticks)
+    assert [torques[1] for torques in applied] == [12.0] * 10 + [0.0] * 2
 
 
 def test_a_board_that_never_said_a_number_drives_nothing() -> None:
