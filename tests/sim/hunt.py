@@ -6,7 +6,7 @@ find(seed)      plays it and returns what was seen, or the law that was broken
 import hashlib
 from typing import NamedTuple
 
-from module_agent.sensing import BACK_TICKS
+from module_agent.sensing import BACK_TICKS, HOLD_TICKS_MAX
 from plant_server.record import TickRecord
 from protocol.frames import TorqueFrame, decode
 from protocol.states import State
@@ -15,6 +15,8 @@ from tests.sim.laws import Laws, law
 from tests.sim.plans import Plan, plan
 from tests.sim.robot import Robot
 
+SENSORS_BACK_TICKS = HOLD_TICKS_MAX + 1 + BACK_TICKS
+"""A sensor that is whole again may jump to the truth: it is not believed, and given up first."""
 DRAIN_TICKS_MAX = 1000
 """Within so many ticks all commands are carried out that a run can have left."""
 COMPARED_EVERY = 8
@@ -66,7 +68,7 @@ class Game:
         values, agreement = self.plan.scenario.values, self.laws.agreement
         lockstep = self.robot.lockstep
         delay_ticks = max(board["lumped_delay_ticks"] for board in values["board"])
-        full_tick = lockstep.tick + BACK_TICKS + delay_ticks
+        full_tick = lockstep.tick + SENSORS_BACK_TICKS + delay_ticks
         period_ticks = agreement.period_ticks
         begins_tick = -(-full_tick // period_ticks) * period_ticks
         latch_tick = begins_tick + agreement.rounds
