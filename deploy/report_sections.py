@@ -10,6 +10,7 @@ import numpy as np
 
 from deploy import figures, table
 from deploy.failure import FailedError
+from deploy.report_foot import foot
 from deploy.report_page import Block, Figure, Section, Table
 from deploy.report_runs import Pictures, Run, remarks, titled
 from deploy.report_spacetime import Scene, spacetime, telling_epoch
@@ -22,7 +23,7 @@ NOBODY_ELECTED = "All boards move all the time: nobody is elected."
 
 
 def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
-    """The paper's three panels and its table."""
+    """The paper's three panels and its table, and the foot of bodies that have one."""
     motions = [(run.label if len(runs) > 1 else "", run.recording.trajectory) for run in runs]
     strip = any(run.epochs is not None for run in runs)
     panels = Figure(
@@ -33,7 +34,7 @@ def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
         [pictures.draw("motion", partial(figures.stacked, motions, strip=strip))],
         wide=True,
     )
-    return Section("motion", "Motion", [panels, _indices(runs)])
+    return Section("motion", "Motion", [panels, _indices(runs), *foot(runs, pictures)])
 
 
 def _indices(runs: Sequence[Run]) -> Table:
