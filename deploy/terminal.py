@@ -51,6 +51,21 @@ def print_files(paths: Iterable[Path]) -> None:
         out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
 
 
+def say(line: str) -> None:
+    """Say a line on the way to a result."""
+    err.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def writing(place: Path) -> Iterator[None]:
+    """Make one line of it when what a user named cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        line = f"cannot write to {place}: {error.strerror}; choose another --out"
+        raise FailedError(ExitCode.NO_OUTPUT, line) from error
+
+
 def tell(
     facts: dict[str, Any],
     shown: Iterable[Table | str],
