@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy import run as places
-from deploy.terminal import JsonOption, err, out, print_files, print_json, writing
+from deploy.terminal import JsonOption, err, print_dim, print_files, print_json, writing
 
 
 def report(
@@ -45,8 +45,7 @@ def report(
         print_json({"report": page, "figures": pictures})
         return
     print_files([page])
-    beside = f"{len(pictures)} picture files in {pictures[0].parent}"
-    out.print(f"[dim]{beside}[/dim]", soft_wrap=True, highlight=False)
+    print_dim(f"{len(pictures)} picture files in {pictures[0].parent}")
 
 
 def _folder(runs: list[Path], out_folder: Path | None) -> Path:

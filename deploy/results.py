@@ -46,9 +46,9 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
         spool = read_spool(folder / SPOOL)
     except (OSError, ValueError):  # Not even its beginning was written.
         return None
-    if not spool.ticks or spool.ticks[-1].tick <= 0:
+    run = recorded_trajectory(spool) if spool.ticks else None
+    if run is None or not run.ticks:
         return None
-    run = recorded_trajectory(spool)
     return Concluded(spool, run, summary(run, mode=mode, logical_sha256=logical_sha256(spool)))
 
 
