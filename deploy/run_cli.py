@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from deploy import run as runs
-from deploy.processes import RunFailedError, Watch
+from deploy.processes import SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
@@ -175,7 +175,8 @@ def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path
     except OSError as error:
         say(f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}")
     except StoppedError:
-        say(RECOVER.format(folder))
+        if (folder / SPOOL).exists():
+            say(RECOVER.format(folder))
         raise
     return concluded, files
 
