@@ -140,14 +140,15 @@ def happenings(runs: Sequence[Run]) -> Section:
             blocks.append(
                 Table(
                     titled("What happened", run, runs),
-                    "Commands, boards that came and went, and verdicts of the plant, each with the"
-                    " tick from which it holds; the timeline under the elections draws them.",
+                    "Commands, boards that came, went and failed, and verdicts of the plant, each"
+                    " with the tick from which it holds; the timeline under the elections draws"
+                    " them.",
                     ["time (s)", "tick", "what"],
                     rows,
                     texts=frozenset({2}),
                     folded=len(rows) > FOLDED_FROM,
                 )
             )
-    quiet = "Nothing was done to the robot, and no board came or went."
+    quiet = "Nothing was done to the robot, and no board came, went or failed."
     blocks += remarks(runs, [run for run in runs if not run.told], quiet)
     return Section("happenings", "Faults and commands", blocks)

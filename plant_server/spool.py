@@ -147,7 +147,7 @@ def read_spool(path: Path) -> Spool:
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
-        raise ValueError(f"{path} holds no complete chunk of a run")
+        raise ValueError("it holds no complete chunk of a run")
     return Spool(scenario, facts, ticks, walls, timings, outcome, outcome is not None)
 
 

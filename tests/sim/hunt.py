@@ -4,6 +4,7 @@ find(seed)      plays it and returns what was seen, or the law that was broken
 """
 
 import hashlib
+from math import fabs
 from typing import NamedTuple
 
 from module_agent.sensing import BACK_TICKS, HOLD_TICKS_MAX
@@ -17,6 +18,8 @@ from tests.sim.robot import Robot
 
 SENSORS_BACK_TICKS = HOLD_TICKS_MAX + 1 + BACK_TICKS
 """A sensor that is whole again may jump to the truth: it is not believed, and given up first."""
+FLAILS_RAD_S = 40.0
+"""Up to here `module_agent.plausibility` accuses no sensor that works."""
 DRAIN_TICKS_MAX = 1000
 """Within so many ticks all commands are carried out that a run can have left."""
 COMPARED_EVERY = 8
@@ -79,7 +82,7 @@ class Game:
         while lockstep.tick <= last_tick and not lockstep.over:
             self._tick()
             tick = lockstep.tick - 1
-            if lockstep.over:
+            if lockstep.over or self._flails():
                 return
             if tick >= latch_tick:
                 enabled = [board for board, frame in self.said.items() if frame.enabled]
@@ -88,6 +91,10 @@ class Game:
                 states = {board: State(frame.state).name for board, frame in self.said.items()}
                 running = set(states.values()) == {"RUNNING"}
                 law(running and len(states) == lockstep.size, "all are running", states)
+
+    def _flails(self) -> bool:
+        """Whether a joint turns so fast that its sensors are accused though they work."""
+        return any(fabs(rate) > FLAILS_RAD_S for rate in self.robot.lockstep.body.rates_rad_s)
 
     def _tick(self) -> None:
         record = self.robot.tick()
