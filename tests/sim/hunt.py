@@ -79,16 +79,18 @@ class Game:
         # through the delay line of the boards below, which may be longer than an epoch.
         settled_tick = full_tick + max(period_ticks, delay_ticks)
         last_tick = max(latch_tick, settled_tick) + period_ticks
+        flailed = False
         while lockstep.tick <= last_tick and not lockstep.over:
             self._tick()
             tick = lockstep.tick - 1
-            if lockstep.over or self._flails():
+            flailed |= self._flails()
+            states = {board: State(frame.state).name for board, frame in self.said.items()}
+            if lockstep.over or (flailed and State.SAFE.name in states.values()):
                 return
             if tick >= latch_tick:
                 enabled = [board for board, frame in self.said.items() if frame.enabled]
                 law(len(enabled) == 1, "one board is enabled once all is healed", enabled)
             if tick >= settled_tick:
-                states = {board: State(frame.state).name for board, frame in self.said.items()}
                 running = set(states.values()) == {"RUNNING"}
                 law(running and len(states) == lockstep.size, "all are running", states)
 
