@@ -72,6 +72,18 @@ PatienceOption = Annotated[
         help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
     ),
 ]
+RealtimeOption = Annotated[
+    bool, typer.Option("--realtime", help="By the wall clock, waiting for nobody: not repeatable.")
+]
+PaceOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.001,
+        max=1000.0,
+        metavar="FACTOR",
+        help="Go no faster than so many seconds of the body in one of the wall, e.g. 1 or 0.25.",
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")]
 
 
@@ -130,16 +142,25 @@ def run(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
     patience: PatienceOption = None,
+    realtime: RealtimeOption = False,
+    pace: PaceOption = None,
 ) -> None:
     """Run one scenario: a plant and its boards as processes over Zenoh, in lockstep.
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """
     overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
+    overrides += ["run.mode=realtime"] if realtime else []
     resolved = load(scenario, overrides)
     name: str = resolved.values["name"]
+    by_wall = "realtime" in resolved.values
+    if twin and (by_wall or pace is not None):
+        raise typer.BadParameter("the twin has no wall clock: neither --realtime nor --pace")
+    if by_wall and pace is not None:
+        raise typer.BadParameter("realtime goes at the pace of the wall clock; leave --pace out")
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
+    options += [] if pace is None else ["--pace", str(pace)]
     code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
     _trajectory, summary = _conclude(folder, twin=twin)
     if as_json:

@@ -28,6 +28,7 @@ from deploy.event_tables import (
     commands,
     standing_links,
 )
+from deploy.realtime_tables import Rate, RealtimeTable, Rounds, realtime_misfits
 from deploy.ticks import whole_ticks
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,15}$")]
@@ -59,6 +60,9 @@ class Run(Table):
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
     fallen_below: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """The body has fallen when its centre of mass is below this fraction of its upright height."""
+    mode: Literal["lockstep", "realtime"] = "lockstep"
+    pace: Positive | None = None
+    """Seconds of the body in a second of the wall, in lockstep; none: as fast as it goes."""
 
 
 class RigTable(Table):
@@ -124,6 +128,8 @@ class BoardTable(Table):
     lumped_delay_ms: Annotated[float, Field(ge=0, le=10_000)] = 10.0
     imu: bool = False
     force_plate: bool = False
+    rate_hz: Rate | None = None
+    """In realtime; none: that of `RealtimeTable`."""
     servo: ServoTable
     link: LinkTable
     unattended: UnattendedTable | None = None
@@ -138,6 +144,7 @@ class Scenario(Table):
     run: Run = Run()
     rig: RigTable = RigTable()
     election: Election = Election()
+    realtime: RealtimeTable = RealtimeTable()
     unattended: UnattendedTable = UnattendedTable()
     """For boards that have no such table of their own."""
     board: Annotated[list[BoardTable], Field(min_length=1, max_length=2000)]
@@ -166,6 +173,16 @@ def misfits(tree: dict[str, Any]) -> Iterator[str]:
         yield (
             f"election.rounds: {election.rounds} is less than the {len(boards) - 1} hops from end"
             f" to end, so the boards could not agree"
+        )
+    if run is not None and run.mode == "realtime":
+        yield from realtime_misfits(
+            tree.get("realtime", {}),
+            [board.rate_hz for board in boards if board is not None],
+            tick_ms=run.tick_ms,
+            pace=run.pace,
+            rounds=Rounds(election.period_s * 1e3, election.rounds)
+            if election is not None and election.enabled
+            else None,
         )
     yield from _joint_misfits(entries if _is_list(entries) else [])
     if run is not None and all(board is not None for board in boards):

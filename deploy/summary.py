@@ -14,6 +14,7 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
+    realtime                                null in lockstep; else `deploy.realtime_summary`
     versions                                python, decmesh, zenoh, numpy
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
@@ -29,6 +30,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.indices import all_indices, elections, energy
+from deploy.realtime_summary import realtime_elections
 from deploy.trajectory import Trajectory
 
 Summary = dict[str, Any]
@@ -37,10 +39,12 @@ Mode = Literal["processes", "twin"]
 DISTRIBUTIONS = {"decmesh": "decmesh", "zenoh": "eclipse-zenoh", "numpy": "numpy"}
 
 
-def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
+def summary(
+    trajectory: Trajectory, *, mode: Mode, realtime: dict[str, Any] | None = None
+) -> Summary:
     """Sum up a run; the page above lists the keys."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    agreed = elections(trajectory)
+    agreed = elections(trajectory) if realtime is None else realtime_elections(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -55,6 +59,7 @@ def summary(trajectory: Trajectory, *, mode: Mode) -> Summary:
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
+        "realtime": realtime,
         "versions": versions(),
     }
     finite: Summary = _finite(values)

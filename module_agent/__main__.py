@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from module_agent.runtime import serve
+from module_agent.serving import serve
 from protocol.enrolment import Verdict
 from protocol.exit_codes import ExitCode, refused
 from protocol.process import StoppedError, stop_at_end_of_input, stop_on_signals

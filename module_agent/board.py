@@ -15,7 +15,7 @@ from typing import NamedTuple
 from module_agent.body_view import BodySample, BodyView, Turn
 from module_agent.config import BoardConfig, Controls
 from module_agent.consensus import Candidate, Gossip
-from module_agent.election import Election, Heard
+from module_agent.election import Election, ElectionConfig, Heard
 from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
@@ -53,30 +53,16 @@ class Board:
         self.run_id = run_id
         self.incarnation = incarnation
         self.hearings = [
-            Hearing(
-                LinkModel(
-                    seed=config.seed, sender=sender, receiver=config.index, standing=standing
-                ),
-                run_id=run_id,
-                boards=config.boards,
+            self._make_hearing(
+                LinkModel(seed=config.seed, sender=sender, receiver=config.index, standing=standing)
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
         self.sensing = Sensing()
-        self.view = BodyView(
-            config.link,
-            tick_s=config.tick_s,
-            lumped_delay_ticks=config.lumped_delay_ticks,
-            has_imu=config.has_imu,
-            bottom=config.index == 0,
-        )
-        self.speech = Speech(
-            config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
-        )
+        self.view = self._make_view()
+        self.speech = self._make_speech()
         self.servo = Servo(config.gains, tick_s=config.tick_s)
-        self.election = (
-            None if config.election is None else Election(config.election, board=config.index)
-        )
+        self.election = None if config.election is None else self._make_election(config.election)
         self._hear_body = [
             self.view.hear_from_above if other > config.index else self.view.hear_from_below
             for other in config.neighbours
@@ -105,13 +91,16 @@ class Board:
             raise ProtocolError(Reason.RUN, f"run {observation.run_id:08x}")
         if observation.incarnation != self.incarnation:
             raise ReplacedError(observation.incarnation)
-        if self.next_tick is not None and observation.tick != self.next_tick:
-            if observation.tick == self.next_tick - 1:
-                raise AnsweredError
-            raise ProtocolError(Reason.TICK, f"tick {observation.tick}, expected {self.next_tick}")
+        self._expect(observation.tick)
         if len(observation.neighbours) != len(self.hearings):
             raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
         return observation
+
+    def _expect(self, tick: int) -> None:
+        if self.next_tick is not None and tick != self.next_tick:
+            if tick == self.next_tick - 1:
+                raise AnsweredError
+            raise ProtocolError(Reason.TICK, f"tick {tick}, expected {self.next_tick}")
 
     def hear(self, link: int, payload: bytes) -> None:
         """Take a frame that arrived on the `link`-th of this board's links, whenever it did."""
@@ -158,6 +147,31 @@ class Board:
             torque_nm = self._drive(controlled, body)
         self.state_ticks[self.state] += 1
         return self._say(tick, torque_nm, controlled_rad)
+
+    def _make_hearing(self, link: LinkModel) -> Hearing:
+        return Hearing(link, run_id=self.run_id, boards=self.config.boards)
+
+    def _make_view(self) -> BodyView:
+        config = self.config
+        return BodyView(
+            config.link,
+            tick_s=config.tick_s,
+            lumped_delay_ticks=config.lumped_delay_ticks,
+            has_imu=config.has_imu,
+            bottom=config.index == 0,
+        )
+
+    def _make_speech(self) -> Speech:
+        return Speech(
+            self.config,
+            self.hearings,
+            self.view,
+            run_id=self.run_id,
+            incarnation=self.incarnation,
+        )
+
+    def _make_election(self, election: ElectionConfig) -> Election:
+        return Election(election, board=self.config.index)
 
     def _admitted(self, tick: int) -> None:
         self._synced_tick = max(0, tick + self.config.lumped_delay_ticks)

@@ -7,6 +7,7 @@ from typing import Any
 from module_agent.election import ElectionConfig
 from module_agent.kinematics import Link
 from module_agent.servo import ServoGains
+from protocol.cadence import Cadence, cadence_of
 from protocol.commands import PERFECT, LinkParameters, changed
 from protocol.wiring import neighbours
 
@@ -52,6 +53,8 @@ class BoardConfig:
     has_force_plate: bool
     election: ElectionConfig | None
     """None: every board stays enabled (the original DEC)."""
+    cadence: Cadence | None = None
+    """None: lockstep."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -95,4 +98,5 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
             if election["enabled"]
             else None
         ),
+        cadence=cadence_of(values),
     )

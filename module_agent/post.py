@@ -22,11 +22,16 @@ Event = tuple[int, Any]
 class Post:
     """Publishers and subscribers of one board."""
 
+    heard_max: int | None = None
+    """How many frames of a neighbour are kept until they are looked at; None: all."""
+
     def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
         self.session = session
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Observations as they come, everything else with its kind."""
-        self.heard: list[deque[zenoh.Sample]] = [deque() for _ in config.neighbours]
+        self.heard: list[deque[zenoh.Sample]] = [
+            deque(maxlen=self.heard_max) for _ in config.neighbours
+        ]
         """Frames of each neighbour. They wake nobody: without an observation they are no use."""
         joint, alive = config.joint, session.liveliness()
         self._torque = self._publisher(keys.torque(rig, joint))
@@ -36,10 +41,7 @@ class Post:
             for neighbour in config.neighbour_joints
         ]
         self._declared = [
-            session.declare_subscriber(
-                keys.observation(rig, joint),
-                zenoh.handlers.Callback(self.events.put, indirect=False),
-            ),
+            session.declare_subscriber(keys.observation(rig, joint), self._observed()),
             session.declare_subscriber(keys.end(rig), self._left(END)),
             *(
                 session.declare_subscriber(
@@ -78,6 +80,9 @@ class Post:
             self.events.get()
         for frames in self.heard:
             frames.clear()
+
+    def _observed(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        return zenoh.handlers.Callback(self.events.put, indirect=False)
 
     def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":
         put = self.events.put

@@ -5,18 +5,17 @@ That thread waits for one thing at a time: to be enrolled, for an observation, f
 frames of the tick before; then it ticks.
 """
 
-import json
 import math
 import os
 import sys
 import time
 from queue import Empty
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
-from module_agent.config import BoardConfig, board_config
+from module_agent.config import BoardConfig
 from module_agent.post import END, MATCHING, REPLY, Event, Post
 from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
 from protocol.exit_codes import ExitCode, refused
@@ -29,9 +28,8 @@ from protocol.frames import (
     decode,
     encode,
 )
-from protocol.process import ignore_signals
 from protocol.scenario import ResolvedScenario
-from protocol.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
+from protocol.wiring import Rig
 
 ASK_EVERY_S = 0.1
 """How often a board that is not ticking yet asks the plant to be let in."""
@@ -58,36 +56,6 @@ class FinishedError(Exception):
     def __init__(self, code: int, line: str) -> None:
         super().__init__(line)
         self.code = code
-
-
-def serve(joint: str, scenario: ResolvedScenario) -> int:
-    """Run the board of a joint over Zenoh until its part is over; return the exit code.
-
-    Raises `protocol.process.StoppedError` when it is told to stop.
-    """
-    rig = rig_of(scenario.values)
-    config = board_config(scenario.values, joint)
-    set_runtime_threads()
-    trouble = None
-    try:
-        session = _open(board_session(rig, config.index))
-    except zenoh.ZError as error:
-        # Perhaps another process drives this joint already. The plant knows.
-        trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
-        session = _open(board_session(rig, config.index, listens=False))
-    with session:
-        try:
-            Runtime(session, config, scenario, rig, trouble=trouble).run()
-        except FinishedError as finished:
-            if finished.code != ExitCode.OK:
-                print(f"{joint}: {finished}", file=sys.stderr)
-            return finished.code
-        finally:
-            ignore_signals()
-
-
-def _open(config: dict[str, Any]) -> zenoh.Session:
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
 class Runtime:
@@ -117,9 +85,15 @@ class Runtime:
         self._stall_told = False
         self._give_up_s = math.inf
         self._early: bytes | None = None
-        self.post = Post(session, config, rig=rig.name, boot=self.boot)
+        self.post = self._make_post(session)
         self._waiting_since = time.monotonic()
         self._told = ""
+
+    def _make_post(self, session: zenoh.Session) -> Post:
+        return Post(session, self.config, rig=self.rig.name, boot=self.boot)
+
+    def _make_board(self, run_id: int, incarnation: int) -> Board:
+        return Board(self.config, run_id=run_id, incarnation=incarnation)
 
     def run(self) -> NoReturn:
         """Enrol, then tick until the run is over. Raises `FinishedError`."""
@@ -215,12 +189,8 @@ class Runtime:
         if self.trouble is not None:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
-        if self.board is None:
-            self.board = Board(
-                self.config,
-                run_id=answer.run_id,
-                incarnation=answer.incarnation,
-            )
+        if self.board is None or self.board.incarnation != answer.incarnation:
+            self.board = self._make_board(answer.run_id, answer.incarnation)
             if self._early is not None:
                 self._observe(self._early)
 

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import zenoh
 
+from plant_server.options import STOPPED, Options
+from plant_server.realtime import runtime_for
 from plant_server.record import COMPLETE, FELL, Outcome, fall_line
-from plant_server.runtime import STOPPED, Options, Runtime
 from plant_server.spool import SpoolWriter
-from protocol.durations import duration_s
+from protocol.durations import duration_s, pace
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError, ignore_signals, stop_at_end_of_input, stop_on_signals
 from protocol.scenario import ResolvedScenario, ScenarioError, load
@@ -27,7 +28,10 @@ def main() -> int:
         scenario = load(arguments.scenario, arguments.set)
 
         options = Options(
-            spool=arguments.spool, progress=arguments.progress, patience_s=arguments.patience
+            spool=arguments.spool,
+            progress=arguments.progress,
+            patience_s=arguments.patience,
+            pace=arguments.pace,
         )
         return serve(scenario, options)
     except ScenarioError as error:
@@ -55,7 +59,7 @@ def serve(scenario: ResolvedScenario, options: Options) -> int:
         try:
             if options.spool is not None:
                 writer = SpoolWriter(options.spool, scenario.values)
-            outcome = Runtime(session, scenario, rig, options, writer).run()
+            outcome = runtime_for(session, scenario, rig, options, writer).run()
         except OSError as error:
             print(f"plant: cannot write {options.spool}: {error.strerror}", file=sys.stderr)
             return ExitCode.NO_OUTPUT
@@ -108,6 +112,12 @@ def _arguments() -> argparse.Namespace:
         type=duration_s,
         metavar="TIME",
         help="go on without a board that is silent for so long, e.g. 200ms; default: never",
+    )
+    parser.add_argument(
+        "--pace",
+        type=pace,
+        metavar="FACTOR",
+        help="in lockstep, go no faster than so many seconds of the body in one of the wall",
     )
     parser.add_argument("--lifeline", action="store_true", help="end when standard input ends")
     return parser.parse_args()

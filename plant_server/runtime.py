@@ -7,9 +7,7 @@ that thinks.
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 from queue import Empty
-from typing import NamedTuple
 
 import zenoh
 
@@ -17,6 +15,7 @@ from plant_server import control
 from plant_server.config import plant_config
 from plant_server.enrolment import Enrolment
 from plant_server.lockstep import Lockstep
+from plant_server.options import STOPPED, Options
 from plant_server.post import CONTROL, ENROL, STALLED, Event, Post
 from plant_server.record import Outcome
 from plant_server.spool import SpoolWriter
@@ -36,23 +35,10 @@ FAREWELL_S = 0.5
 """How long the plant waits for boards to have heard that the run is over."""
 
 
-STOPPED = "stopped"
-"""The ending of a run that was told to stop."""
-
-
-class Options(NamedTuple):
-    """How a plant process is to behave."""
-
-    spool: Path | None
-    """Where to record, if anywhere."""
-    progress: bool
-    """Whether a launcher reads what is said on standard output."""
-    patience_s: float | None
-    """How long a silent board is waited for; None: for ever."""
-
-
 class Runtime:
     """One plant process, from its session to the end of the run."""
+
+    plant_class: type[Lockstep] = Lockstep
 
     def __init__(
         self,
@@ -67,7 +53,7 @@ class Runtime:
         self.writer = writer
         self.joints = scenario.joints
         self.run_id = run_id(scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
+        self.lockstep = self.plant_class(plant_config(scenario.values), run_id=self.run_id)
         self.enrolment = Enrolment(
             rig=rig.name, joints=self.joints, digest=scenario.digest, run_id=self.run_id
         )
@@ -100,11 +86,14 @@ class Runtime:
             cut_short = STOPPED
         wall_s = 0.0 if self._released_s is None else time.monotonic() - self._released_s
         outcome = self.lockstep.outcome(wall_s, cut_short)
+        self._conclude(outcome)
+        return outcome
+
+    def _conclude(self, outcome: Outcome) -> None:
         if self.writer is not None:
             self.writer.close(outcome)
-        self._say(f"{outcome.tick} {wall_s:.6f}")
+        self._say(f"{outcome.tick} {outcome.wall_s:.6f}")
         self._farewell(outcome.ending)
-        return outcome
 
     def _boundary(self) -> None:
         """Between two ticks: boards come and go."""

@@ -21,6 +21,9 @@ CHUNK_BYTES = 1 << 18
 _HEADER = struct.Struct("<4sII")
 _MAGIC = b"DECM"
 _SCENARIO, _TICK, _OUTCOME = 0, 1, 2
+_REALTIME = 8
+PLANT = -1
+"""Whose account it is, of a run in realtime, that no board gave."""
 
 
 class SpoolWriter:
@@ -37,6 +40,10 @@ class SpoolWriter:
         self._pending += self._pack((_TICK, *record))
         if len(self._pending) >= CHUNK_BYTES:
             self._write()
+
+    def append_realtime(self, board: int, content: "bytes | dict[str, float]") -> None:
+        """Keep what a board has told of its own time; of `PLANT`, its account."""
+        self._pending += self._pack((_REALTIME, board, content))
 
     def close(self, outcome: Outcome) -> None:
         """Keep how the run ended, and write what is left."""
@@ -65,6 +72,8 @@ class Spool(NamedTuple):
     ticks: list[TickRecord]
     outcome: Outcome | None
     """None: the run was cut off before it could say how it ended."""
+    realtime: tuple[tuple[int, Any], ...] = ()
+    """Of a run in realtime: traces of boards, each with its number, and the account of `PLANT`."""
 
 
 def read_spool(path: Path) -> Spool:
@@ -72,6 +81,7 @@ def read_spool(path: Path) -> Spool:
     scenario: dict[str, Any] | None = None
     ticks: list[TickRecord] = []
     outcome: Outcome | None = None
+    realtime = []
     for kind, *fields in _records(path.read_bytes()):
         if kind == _TICK:
             tick, *sequences = fields
@@ -80,11 +90,13 @@ def read_spool(path: Path) -> Spool:
             tick, angles, rates, ending, wall_s, undriven = fields
             joints = tuple(Undriven(*joint) for joint in undriven)
             outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
+        elif kind == _REALTIME:
+            realtime.append((fields[0], fields[1]))
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
         raise ValueError(f"{path} holds no complete chunk of a run")
-    return Spool(scenario, ticks, outcome)
+    return Spool(scenario, ticks, outcome, tuple(realtime))
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:

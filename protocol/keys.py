@@ -27,6 +27,11 @@ def stalled(rig: str, joint: str) -> str:
     return f"dec/v1/{rig}/{joint}/@stalled"
 
 
+def trace(rig: str, joint: str) -> str:
+    """One board to the plant, now and then, in realtime: what it lived through."""
+    return f"dec/v1/{rig}/{joint}/@trace"
+
+
 def torque(rig: str, joint: str) -> str:
     """One board to the plant, each tick."""
     return f"dec/v1/{rig}/{joint}/torque"
@@ -52,9 +57,9 @@ def any_alive(rig: str) -> str:
     return f"dec/v1/{rig}/*/@alive/*"
 
 
-def joint_of(stalled_key: str) -> str:
-    """The joint that a `stalled` key names."""
-    return stalled_key.split("/")[-2]
+def joint_of(key: str) -> str:
+    """The joint that a `stalled` or `trace` key names."""
+    return key.split("/")[-2]
 
 
 def board_of(alive_key: str) -> tuple[str, int]:

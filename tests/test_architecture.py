@@ -16,9 +16,12 @@ SCRATCH = {"runs", "build", "__pycache__"}
 
 RUNTIMES = {
     "module_agent/post.py",
+    "module_agent/realtime.py",
     "module_agent/runtime.py",
+    "module_agent/serving.py",
     "plant_server/__main__.py",
     "plant_server/post.py",
+    "plant_server/realtime.py",
     "plant_server/runtime.py",
 }
 TALKS_TO_A_RIG = {"deploy/live.py"}

@@ -73,3 +73,9 @@ def test_a_token_names_its_board(rig: str, joint: str, boot: int) -> None:
 @given(NAMES, NAMES)
 def test_a_stall_names_its_board(rig: str, joint: str) -> None:
     assert keys.joint_of(keys.stalled(rig, joint)) == joint
+
+
+@settings(deadline=None, derandomize=True)
+@given(NAMES, NAMES)
+def test_a_trace_names_its_board(rig: str, joint: str) -> None:
+    assert keys.joint_of(keys.trace(rig, joint)) == joint

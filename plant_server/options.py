@@ -1,0 +1,20 @@
+"""How a plant process is to behave, whatever it plays."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+STOPPED = "stopped"
+"""The ending of a run that was told to stop."""
+
+
+class Options(NamedTuple):
+    """What the command line says."""
+
+    spool: Path | None
+    """Where to record, if anywhere."""
+    progress: bool
+    """Whether a launcher reads what is said on standard output."""
+    patience_s: float | None
+    """How long a silent board is waited for; None: for ever. Realtime waits for nobody."""
+    pace: float | None = None
+    """Seconds of the body in a second of the wall; None: what the scenario says."""
