@@ -31,8 +31,10 @@ TELL_AFTER_S = 0.5
 STALL_AFTER_S = 1.0
 LOOK_EVERY_S = 0.02
 PROGRESS_EVERY_S = 0.1
-FAREWELL_S = 0.5
+FAREWELL_S = 5.0
 """How long the plant waits for boards to have heard that the run is over."""
+HURRIED_S = 0.5
+"""The same when it was stopped: a board may be frozen, and somebody is waiting for the end."""
 
 
 class Runtime:
@@ -267,7 +269,7 @@ class Runtime:
         """Tell the boards that the run is over, and give them time to hear it."""
         self._ending = True
         self.post.end(encode(End(self.run_id, shortened(reason))))
-        deadline = time.monotonic() + FAREWELL_S
+        deadline = time.monotonic() + (HURRIED_S if reason == STOPPED else FAREWELL_S)
         while any(seat.boot is not None for seat in self.enrolment.seats):
             if time.monotonic() > deadline:
                 return
