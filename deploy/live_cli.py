@@ -181,6 +181,8 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
         one_way = "not heard" if link["one_way"] else ""
         links.add_row(f"{link['from']} to {link['to']}", faults or "none", one_way)
     out.print(links)
+    if "realtime" in now:
+        out.print(_deadlines(now["realtime"], now["tick_s"]))
     for storm in now["storms"]:
         seen = Storm(storm["origin"], storm["per_s"], Reason(storm["reason"]))
         out.print(str(seen), highlight=False)
@@ -211,6 +213,18 @@ def _troubles(board: dict[str, Any]) -> Iterator[str]:
 
 
 ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)
+
+
+def _deadlines(boards: list[dict[str, Any]], tick_s: float) -> Table:
+    """How boards in realtime keep their time."""
+    table = Table("board", "rate", "missed", "woke late (ms)", "torque age (ms)", box=None)
+    for board in boards:
+        age_ticks = board["torque_age_ticks"]
+        age = "-" if age_ticks is None else f"{age_ticks * tick_s * 1e3:g}"
+        missed = f"{board['missed']} of {board['periods']}"
+        late = f"{board['late_ms_max']:.1f}"
+        table.add_row(board["joint"], f"{board['rate_hz']:g} Hz", missed, late, age)
+    return table
 
 
 def _change(

@@ -15,6 +15,8 @@ from deploy import figures
 from deploy.logical_digest import logical_sha256
 from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
+from deploy.realtime_summary import realtime_summary
+from deploy.realtime_table import realtime_table
 from deploy.recording_files import MCAP, read_spool_of
 from deploy.run import SUMMARY
 from deploy.summary import Mode, Summary, summary, write_summary
@@ -46,14 +48,19 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
     spool = read_spool(folder / SPOOL)
     if spool.outcome is None or spool.outcome.tick <= 0:
         return None
-    run = recorded_trajectory(spool)
-    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool))
+    run, realtime = recorded_trajectory(spool), realtime_summary(spool)
+    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool), realtime=realtime)
     write_summary(folder / SUMMARY, values)
     return Concluded(spool, run, values, (folder / SUMMARY,))
 
 
 def keep(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Concluded:
-    """Make `run.mcap` of a run's spool, which then goes. Raises OSError, and the spool stays."""
+    """Make `run.mcap` of a run's spool, which then goes. Raises OSError, and the spool stays.
+
+    The recording of a run in realtime is its spool.
+    """
+    if concluded.spool.in_realtime:
+        return concluded._replace(files=(*concluded.files, folder / SPOOL))
     path = folder / MCAP
     write_mcap(concluded.spool, concluded.trajectory, path, on_tick)
     with suppress(OSError):  # It does no harm if it stays.
@@ -64,7 +71,11 @@ def keep(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> 
 def table(runs: Sequence[Summary]) -> Group:
     """Table II for a run of either controller, or for both."""
     by_controller = {run["controller"]: run for run in runs}
-    return report(by_controller.get("original"), by_controller.get("distributed"))
+    found = report(by_controller.get("original"), by_controller.get("distributed"))
+    for run in runs:
+        if run["realtime"] is not None:
+            found.renderables.append(realtime_table(run["realtime"]))
+    return found
 
 
 def paper_figures(original: Trajectory, distributed: Trajectory, folder: Path) -> list[Path]:

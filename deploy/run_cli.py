@@ -14,7 +14,7 @@ from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
 from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json
-from protocol.durations import duration_s
+from protocol.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError
 from protocol.scenario import ResolvedScenario
@@ -44,6 +44,18 @@ PatienceOption = Annotated[
         metavar="TIME",
         callback=_checked_time,
         help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
+    ),
+]
+RealtimeOption = Annotated[
+    bool, typer.Option("--realtime", help="By the wall clock, waiting for nobody: not repeatable.")
+]
+PaceOption = Annotated[
+    float | None,
+    typer.Option(
+        min=PACE_MIN,
+        max=PACE_MAX,
+        metavar="FACTOR",
+        help="Go no faster than so many seconds of the body in one of the wall, e.g. 1 or 0.25.",
     ),
 ]
 
@@ -94,18 +106,24 @@ def run(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
     patience: PatienceOption = None,
+    realtime: RealtimeOption = False,
+    pace: PaceOption = None,
 ) -> None:
     """One scenario, in processes over Zenoh or as a twin.
 
-    A plant and a board for each joint, in lockstep. What came out is in summary.json.
+    A plant and a board for each joint, in lockstep unless told otherwise. What came out is in
+    summary.json.
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """
     overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
+    overrides += ["run.mode=realtime"] if realtime else []
     resolved = load(scenario, overrides)
+    _check_clock(in_realtime="realtime" in resolved.values, twin=twin, pace=pace)
     name: str = resolved.values["name"]
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
+    options += [] if pace is None else ["--pace", str(pace)]
     code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
     concluded = _conclude(folder, code, twin=twin)
     if as_json:
@@ -116,6 +134,13 @@ def run(
         out.print(results.table([concluded.summary]))
         print_files(concluded.files)
     raise typer.Exit(code)
+
+
+def _check_clock(*, in_realtime: bool, twin: bool, pace: float | None) -> None:
+    if twin and (in_realtime or pace is not None):
+        raise typer.BadParameter("the twin has no wall clock: neither realtime nor --pace")
+    if in_realtime and pace is not None:
+        raise typer.BadParameter("realtime goes at the pace of the wall clock; leave --pace out")
 
 
 def _run(

@@ -15,6 +15,7 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
+    realtime                                null in lockstep; else `deploy.realtime_summary`
     faults                                  boards that failed: joint, tick, code, text
     versions                                python, decmesh, zenoh, numpy, msgpack
 
@@ -30,17 +31,26 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.indices import all_indices, elections, energy
+from deploy.realtime_summary import realtime_elections
 from deploy.trajectory import Trajectory
 from plant_server.facts import versions
+from protocol.cadence import cadence_of
 
 Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
 
 
-def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = None) -> Summary:
+def summary(
+    trajectory: Trajectory,
+    *,
+    mode: Mode,
+    logical_sha256: str | None = None,
+    realtime: dict[str, Any] | None = None,
+) -> Summary:
     """Sum up a run; the page above lists the keys. The digest is that of its recording."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    agreed = elections(trajectory)
+    in_realtime = cadence_of(scenario) is not None
+    agreed = realtime_elections(trajectory) if in_realtime else elections(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -56,6 +66,7 @@ def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = 
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
+        "realtime": realtime,
         "faults": [
             {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)

@@ -8,15 +8,15 @@ the plant (S10). Everything a board does follows from the bytes it was given and
 """
 
 from collections import Counter
-from collections.abc import Callable
 from math import fabs
 from typing import NamedTuple
 
 from module_agent.body_view import BodySample, BodyView, Turn
-from module_agent.config import BoardConfig, Controls
+from module_agent.config import BoardConfig, Controls, ElectionConfig
 from module_agent.controller import Candidate, Seen
-from module_agent.election import Gossip, Heard
-from module_agent.foreign import FaultError, controller_of, election_of
+from module_agent.counting import COUNTS
+from module_agent.election import Election, Gossip, Heard
+from module_agent.foreign import FaultError, controller_of, rule_of
 from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
@@ -57,28 +57,16 @@ class Board:
         self.run_id = run_id
         self.incarnation = incarnation
         self.hearings = [
-            Hearing(
-                LinkModel(
-                    seed=config.seed, sender=sender, receiver=config.index, standing=standing
-                ),
-                run_id=run_id,
-                boards=config.boards,
+            self._make_hearing(
+                LinkModel(seed=config.seed, sender=sender, receiver=config.index, standing=standing)
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
         self.sensing = Sensing()
-        self.view = BodyView(
-            config.link,
-            tick_s=config.tick_s,
-            lumped_delay_ticks=config.lumped_delay_ticks,
-            has_imu=config.has_imu,
-            bottom=config.index == 0,
-        )
-        self.speech = Speech(
-            config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
-        )
+        self.view = self._make_view()
+        self.speech = self._make_speech()
         self.servo = controller_of(config)
-        self.election = election_of(config)
+        self.election = None if config.election is None else self._make_election(config.election)
         self._hear_body = [
             self.view.hear_from_above if other > config.index else self.view.hear_from_below
             for other in config.neighbours
@@ -104,7 +92,7 @@ class Board:
     @property
     def counters(self) -> Counters:
         """All that this board counts."""
-        return Counters(*map(self._count, range(len(COUNTERS))))
+        return Counters(*(count(self) for count in COUNTS))
 
     def read(self, payload: bytes) -> Observation:
         """Check an observation.
@@ -117,13 +105,16 @@ class Board:
             raise ProtocolError(Reason.RUN, f"run {observation.run_id:08x}")
         if observation.incarnation != self.incarnation:
             raise ReplacedError(observation.incarnation)
-        if self.next_tick is not None and observation.tick != self.next_tick:
-            if observation.tick == self.next_tick - 1:
-                raise AnsweredError
-            raise ProtocolError(Reason.TICK, f"tick {observation.tick}, expected {self.next_tick}")
+        self._expect(observation.tick)
         if len(observation.neighbours) != len(self.hearings):
             raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
         return observation
+
+    def _expect(self, tick: int) -> None:
+        if self.next_tick is not None and tick != self.next_tick:
+            if tick == self.next_tick - 1:
+                raise AnsweredError
+            raise ProtocolError(Reason.TICK, f"tick {tick}, expected {self.next_tick}")
 
     def hear(self, link: int, payload: bytes) -> int:
         """Take a frame of a link, whenever it came; the tick said, `NO_TICK` if it is of no use."""
@@ -180,6 +171,26 @@ class Board:
         if not self.sensing.safe or not self.view.sampled(wanted_tick):
             return None, SAFE
         return self.view.at(wanted_tick)
+
+    def _make_hearing(self, link: LinkModel) -> Hearing:
+        return Hearing(link, run_id=self.run_id, boards=self.config.boards)
+
+    def _make_view(self) -> BodyView:
+        config = self.config
+        return BodyView(
+            config.link,
+            tick_s=config.tick_s,
+            lumped_delay_ticks=config.lumped_delay_ticks,
+            has_imu=config.has_imu,
+            bottom=config.index == 0,
+        )
+
+    def _make_speech(self) -> Speech:
+        granted = {"run_id": self.run_id, "incarnation": self.incarnation}
+        return Speech(self.config, self.hearings, self.view, **granted)
+
+    def _make_election(self, election: ElectionConfig) -> Election:
+        return Election(election, rule_of(self.config), board=self.config.index)
 
     def _admitted(self, tick: int) -> None:
         self.state = entered(self.state, State.SYNCING)
@@ -270,7 +281,7 @@ class Board:
             gossip,
             Doing(torque_nm, self.state, self.enabled, controlled_rad),
             counter=counter,
-            counted=self._count(counter),
+            counted=COUNTS[counter](self),
             said=said,
         )
         faults, self._unsaid = self._unsaid, ()
@@ -280,21 +291,3 @@ class Board:
         if self.election is None:
             return Gossip(NO_EPOCH, 0, Candidate(0.0, self.config.index))
         return self.election.gossip
-
-    def _count(self, counter: int) -> int:
-        """The value of one of `protocol.states.COUNTERS`."""
-        if counter >= len(OWN_COUNTS):
-            reason = REASONS[counter - len(OWN_COUNTS)]
-            return self.refused[reason] + sum(hearing.refused[reason] for hearing in self.hearings)
-        return OWN_COUNTS[counter](self)
-
-
-REASONS = tuple(Reason)
-OWN_COUNTS: tuple[Callable[[Board], int], ...] = (
-    lambda board: board.state_ticks[State.HOLDING],
-    lambda board: board.state_ticks[State.EXTRAPOLATING],
-    lambda board: board.state_ticks[State.RECKONING],
-    lambda board: board.sensing.implausible_samples,
-    lambda board: 0 if board.election is None else board.election.incomplete_epochs,
-)
-"""What a board counts but for refusals, in the order of `protocol.states.COUNTERS`."""

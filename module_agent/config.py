@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 from module_agent.kinematics import Link
+from protocol.cadence import Cadence, cadence_of
 from protocol.commands import PERFECT, LinkParameters, changed
 from protocol.wiring import neighbours
 
@@ -84,6 +85,8 @@ class BoardConfig:
     """A servo from outside; None: ours."""
     rule: Source | None = None
     """An election from outside; None: ours."""
+    cadence: Cadence | None = None
+    """None: lockstep."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -129,6 +132,7 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
         ),
         controller=_source(values, board["controller"]),
         rule=_source(values, election["rule"]),
+        cadence=cadence_of(values),
     )
 
 

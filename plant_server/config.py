@@ -3,6 +3,7 @@
 from typing import Any, NamedTuple
 
 from plant_server.chain import LinkInertia
+from protocol.cadence import Cadence, cadence_of
 from protocol.commands import PERFECT, Command, LinkParameters, changed
 
 
@@ -38,6 +39,8 @@ class PlantConfig(NamedTuple):
     fallen_below: float
     """Fraction of the upright height of the centre of mass."""
     warm_up_ticks: int
+    cadence: Cadence | None = None
+    """None: lockstep."""
 
 
 def plant_config(values: dict[str, Any]) -> PlantConfig:
@@ -45,6 +48,8 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
     run, boards = values["run"], values["board"]
     orientations = [board["initial_rad"] for board in boards]
     below = [0.0, *orientations[:-1]]
+    cadence = cadence_of(values)
+    warm_up_ticks = max(board["lumped_delay_ticks"] for board in boards)
     return PlantConfig(
         joints=tuple(board["joint"] for board in boards),
         segments=tuple(values["link_names"]),
@@ -64,5 +69,6 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
         substeps=run["substeps"],
         ticks=run["ticks"],
         fallen_below=run["fallen_below"],
-        warm_up_ticks=max(board["lumped_delay_ticks"] for board in boards),
+        warm_up_ticks=warm_up_ticks + (cadence.settle_ticks if cadence else 0),
+        cadence=cadence,
     )
