@@ -17,7 +17,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from deploy.ticks import whole_ticks
+from deploy.sensor_faults import fault_amount
+from deploy.ticks import MeaningError, whole
+from protocol import sensors
 from protocol.commands import DELAY_TICKS_MAX, PERFECT, Command
 
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -107,7 +109,25 @@ class Plugging(Event):
     joint: str
 
 
-AnyEvent = Annotated[Cut | Heal | Faults | Push | Reference | Plugging, Field(discriminator="do")]
+class SensorFault(Event):
+    """A sensor of a board is broken (`protocol.sensors`), or, with "ok", whole again."""
+
+    do: Literal["sensor"]
+    joint: str
+    sensor: Literal["encoder", "gyroscope", "torque", "imu", "foot", "all"] = "encoder"
+    fault: Literal["ok", "off", "stuck", "garbage", "slow", "delayed", "intermittent"]
+    period_ms: Milliseconds | None = None
+    """Of "slow": from one new value to the next."""
+    delay_ms: Milliseconds | None = None
+    """Of "delayed"."""
+    probability: Probability | None = None
+    """Of "intermittent": that there is no value in a tick."""
+    duration_s: Seconds | None = None
+
+
+AnyEvent = Annotated[
+    Cut | Heal | Faults | Push | Reference | SensorFault | Plugging, Field(discriminator="do")
+]
 
 
 class Body(NamedTuple):
@@ -115,12 +135,10 @@ class Body(NamedTuple):
 
     joints: Sequence[str]
     segments: Sequence[str]
+    sensors: Sequence[Sequence[str]]
+    """Of each board."""
     tick_ms: float
     ticks: int
-
-
-class MeaningError(ValueError):
-    """A value that means nothing for this body: the key below its table, and why."""
 
 
 Pairs = list[list[int]]
@@ -195,16 +213,10 @@ def commands(event: "AnyEvent", standing: list[list[Any]], body: Body) -> list[t
         case Reference():
             rad = math.radians(event.reference_deg)
             return [(tick, ["reference", _index(event.joint, body.joints, "joint"), rad])]
+        case SensorFault():
+            return [(tick, _sensor_command(event, body))]
         case Plugging():
             return [(tick, [event.do, _index(event.joint, body.joints, "joint")])]
-
-
-def whole(duration_ms: float, tick_ms: float, key: str) -> int:
-    """How many ticks a time is. Raises `MeaningError` if they are not whole."""
-    ticks = whole_ticks(duration_ms, tick_ms)
-    if ticks is None:
-        raise MeaningError(f"{key}: not a whole number of ticks of {tick_ms:g} ms")
-    return ticks
 
 
 def _for_a_while(
@@ -226,6 +238,23 @@ def _for_a_while(
                 old.update({name: stands[name] for name in new if name in stands})
         back.setdefault(json.dumps(old, sort_keys=True), []).append(pair)
     return [*found, *((end, ["link", pairs, json.loads(old)]) for old, pairs in back.items())]
+
+
+def _sensor_command(event: SensorFault, body: Body) -> Command:
+    board = _index(event.joint, body.joints, "joint")
+    if event.sensor not in (*body.sensors[board], sensors.ALL):
+        raise MeaningError(f"sensor: {event.joint} has no {event.sensor}")
+    amount = fault_amount(
+        event.fault,
+        period_ms=event.period_ms,
+        delay_ms=event.delay_ms,
+        probability=event.probability,
+        tick_ms=body.tick_ms,
+    )
+    ticks = 0
+    if event.duration_s is not None:
+        ticks = max(1, whole(event.duration_s * 1e3, body.tick_ms, "duration_s"))
+    return ["sensor", board, event.sensor, event.fault, amount, ticks]
 
 
 def _index(name: str, names: Sequence[str], key: str) -> int:

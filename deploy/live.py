@@ -13,8 +13,9 @@ import msgpack
 import zenoh
 
 from deploy import rigs
-from deploy.event_tables import MeaningError, directed_pairs
+from deploy.event_tables import directed_pairs
 from deploy.failure import FailedError
+from deploy.ticks import MeaningError
 from protocol import keys
 from protocol.commands import Command
 from protocol.exit_codes import ExitCode

@@ -1,17 +1,18 @@
-"""Commands on a running robot: cut, heal, loss, delay, push, reference, unplug, plug, status."""
+"""Commands on a running robot: cut, heal, loss, delay, push, reference, sensor, and so on."""
 
 import math
 import re
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
+from deploy.sensor_faults import fault_amount
+from deploy.status import status_shown
 from deploy.terminal import JsonOption, out, print_json
+from deploy.ticks import MeaningError
+from protocol import sensors
 from protocol.commands import Command
-from protocol.frames import Reason
-from protocol.storms import Storm
 
 RigOption = Annotated[
     str | None,
@@ -140,6 +141,44 @@ def reference(
     _of_joint(joint, "reference", [quantity(angle, "angle")], rig, as_json=as_json)
 
 
+def sensor(
+    joint: JointArgument,
+    fault: Annotated[str, typer.Argument(help=f"One of {', '.join(sensors.FAULTS)}.")],
+    which: Annotated[str, typer.Option("--of", help=", ".join(sensors.NAMES))] = sensors.ENCODER,
+    duration: Annotated[str | None, typer.Option("--for", help="Such as 500ms.")] = None,
+    period: Annotated[str | None, typer.Option(help="Of a slow one, such as 20ms.")] = None,
+    delay: Annotated[str | None, typer.Option(help="Of a delayed one, such as 100ms.")] = None,
+    probability: Annotated[float | None, typer.Option(help="Of an intermittent one.")] = None,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A sensor of a board fails, or is whole again (ok).
+
+    Example: decmesh sensor knee stuck --for 500ms
+    """
+    period_ms, delay_ms, for_ms = (
+        None if text is None else quantity(text, "time") * 1e3 for text in (period, delay, duration)
+    )
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        tick_ms = status["tick_s"] * 1e3
+        try:
+            amount = fault_amount(
+                fault,
+                period_ms=period_ms,
+                delay_ms=delay_ms,
+                probability=probability,
+                tick_ms=tick_ms,
+            )
+        except MeaningError as error:
+            raise typer.BadParameter(str(error)) from error
+        ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
+        joints = [board["joint"] for board in status["boards"]]
+        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, amount, ticks]
+
+    _do(command, rig, as_json=as_json)
+
+
 def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
     """A board is pulled: its process is killed.
 
@@ -168,63 +207,14 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     if as_json:
         print_json(now)
         return
-    seconds = now["tick"] * now["tick_s"]
-    waits = f"; waits for {', '.join(now['waits_for'])}" if now["waits_for"] else ""
-    out.print(f"tick {now['tick']} ({seconds:.3f} s){waits}", highlight=False)
-    out.print(_boards(now["boards"]))
-    for board in now["boards"]:
-        for line in _troubles(board):
-            out.print(f"{board['joint']}: {line}", highlight=False, markup=False, soft_wrap=True)
-    links = Table("link", "faults", "", box=None)
-    for link in now["links"]:
-        faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
-        one_way = "not heard" if link["one_way"] else ""
-        links.add_row(f"{link['from']} to {link['to']}", faults or "none", one_way)
-    out.print(links)
-    if "realtime" in now:
-        out.print(_deadlines(now["realtime"], now["tick_s"]))
-    for storm in now["storms"]:
-        seen = Storm(storm["origin"], storm["per_s"], Reason(storm["reason"]))
-        out.print(str(seen), highlight=False)
+    for shown in status_shown(now):
+        if isinstance(shown, Table):
+            out.print(shown)
+        else:
+            out.print(shown, highlight=False, markup=False, soft_wrap=True)
 
 
-def _boards(boards: list[dict[str, Any]]) -> Table:
-    columns = ("board", "incarnation", "state", "enabled", "torque (N m)", "fault")
-    table = Table(*columns, box=None)
-    for board in boards:
-        torque = f"{board['torque_nm']:.2f}" if "torque_nm" in board else "-"
-        enabled = "yes" if board["enabled"] else "no"
-        fault = str(board["fault"]["code"]) if board["fault"] else "-"
-        about = board["joint"], str(board["incarnation"]), board["state"]
-        table.add_row(*about, enabled, torque, fault)
-    return table
-
-
-def _troubles(board: dict[str, Any]) -> Iterator[str]:
-    """What a board counts that is not 0, and what has failed on it."""
-    counted = [f"{name} {count}" for name, count in board["counters"].items() if count]
-    if counted:
-        yield ", ".join(counted)
-    if board["stuck"]:
-        yield f"was stuck {board['stuck']} times"
-    if board["fault"]:
-        first, *_ = board["fault"]["text"].splitlines()
-        yield f"fault {board['fault']['code']} ({board['fault']['name']}), {first}"
-
-
-ALL = (cut, heal, loss, delay, push, reference, unplug, plug, status)
-
-
-def _deadlines(boards: list[dict[str, Any]], tick_s: float) -> Table:
-    """How boards in realtime keep their time."""
-    table = Table("board", "rate", "missed", "woke late (ms)", "torque age (ms)", box=None)
-    for board in boards:
-        age_ticks = board["torque_age_ticks"]
-        age = "-" if age_ticks is None else f"{age_ticks * tick_s * 1e3:g}"
-        missed = f"{board['missed']} of {board['periods']}"
-        late = f"{board['late_ms_max']:.1f}"
-        table.add_row(board["joint"], f"{board['rate_hz']:g} Hz", missed, late, age)
-    return table
+ALL = (cut, heal, loss, delay, push, reference, sensor, unplug, plug, status)
 
 
 def _change(

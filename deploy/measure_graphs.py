@@ -10,7 +10,7 @@ random    connected: each board but the first has a link to a random one before 
 from functools import cache
 from math import exp, log
 
-from module_agent.link_model import draw
+from protocol.chance import draw
 
 GRAPHS = ("line", "ring", "tree", "random")
 Near = tuple[tuple[int, ...], ...]

@@ -24,6 +24,7 @@ from deploy.processes import SPOOL
 from module_agent.board import Actuation
 from module_agent.config import board_config
 from module_agent.realtime_board import RealtimeBoard
+from plant_server.agenda import Agenda
 from plant_server.config import plant_config
 from plant_server.free_running import FreeRunning
 from plant_server.record import TickRecord
@@ -36,7 +37,7 @@ from protocol.wiring import neighbours
 
 FAULT = "fault"
 """An event that boards tell of; the plant is not asked to make it again."""
-COMMANDS = frozenset({"link", "heal", "reference", "push", "unplug", "plug"})
+COMMANDS = frozenset({"link", "heal", "reference", "push", "unplug", "plug", "ready", "sensor"})
 
 
 class Life(NamedTuple):
@@ -105,7 +106,8 @@ class _PlantReplay:
 
     def __init__(self, scenario: dict[str, Any], run: int) -> None:
         self.run_id = run
-        self.plant = FreeRunning(plant_config(scenario)._replace(events=()), run_id=run)
+        self.plant = FreeRunning(plant_config(scenario), run_id=run)
+        self.plant.agenda = Agenda([])  # What came of the scenario's events was recorded.
         self.observations: dict[Life, dict[int, bytes]] = {}
         """What each board was told, by tick."""
         self.in_force: dict[Life, dict[int, bytes]] = {}

@@ -23,7 +23,7 @@ from protocol.scenario import ResolvedScenario
 
 MIDWAY = frozenset({"gone_midway", "excused"})
 """Events of an open tick; the others come between two ticks."""
-CONSEQUENCES = frozenset({"energy_lost_j", "fault", "sides"})
+CONSEQUENCES = frozenset({"energy_lost_j", "fault", "sides", "tipping"})
 """Events that follow from others: computed again, not carried out."""
 
 Link = tuple[int, int]
@@ -158,7 +158,8 @@ class Replay(Twin):
             case (
                 ["push", int(board), int() | float(), int()]
                 | ["reference", int(board), int() | float()]
-                | ["unplug" | "plug", int(board)]
+                | ["unplug" | "plug" | "ready", int(board)]
+                | ["sensor", int(board), str(), str(), int() | float(), int()]
             ) if self._exists(board):
                 self._obey(event)
             case ["link", list(), dict()] | ["heal", list()]:

@@ -170,6 +170,8 @@ class _Words:
                 words = f"cut apart: {_sides(sides, self.joints)}"
             case ["excused", sender, receiver]:
                 words = f"{self.joints[receiver]}: goes on without a frame of {self.joints[sender]}"
+            case ["tipping", begins]:
+                words = "the foot begins to tip" if begins else "the foot is flat again"
             case [str(what), int(board), *rest] if 0 <= board < len(self.joints):
                 words = f"{self.joints[board]}: {_about_a_board(what, rest)}"
             case _:
@@ -193,6 +195,12 @@ def _about_a_board(what: str, rest: list[Any]) -> str:
             words = f"joint braked, which took {lost_j:.3g} J"
         case "unplug" | "plug", []:
             words = f"command {what}"
+        case "ready", []:
+            words = "has started up"
+        case "sensor", [sensor, "ok", _amount, _ticks]:
+            words = f"sensor {sensor} is whole again"
+        case "sensor", [sensor, fault, _amount, _ticks]:
+            words = f"sensor {sensor} is {fault}"
         case "reference", [float(rad)]:
             words = f"reference {math.degrees(rad):g}°"
         case _:

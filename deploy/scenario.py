@@ -15,6 +15,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from deploy import controllers
+from deploy.board_tables import resolved_hardware
 from deploy.event_tables import commands, merged_links
 from deploy.realtime_tables import resolve_realtime
 from deploy.scenario_misfits import body_of, misfits
@@ -239,4 +240,5 @@ def _resolve_board(
             "com_m": link.com_m,
             "inertia_kg_m2": slender if link.inertia_kg_m2 is None else link.inertia_kg_m2,
         },
+        **resolved_hardware(board, scenario.run.tick_ms),
     }

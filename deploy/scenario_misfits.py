@@ -10,10 +10,11 @@ from typing import Any, TypeGuard, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from deploy.event_tables import AnyEvent, Body, MeaningError, StandingLink, commands, standing_links
+from deploy.board_tables import hardware_misfits, realtime_clock_misfits, sensor_names
+from deploy.event_tables import AnyEvent, Body, StandingLink, commands, standing_links
 from deploy.realtime_tables import Rounds, realtime_misfits
 from deploy.scenario_tables import PORT_MAX, BoardTable, Election, RigTable, Run, Table
-from deploy.ticks import whole_ticks
+from deploy.ticks import MeaningError, whole_ticks
 
 RESERVED = frozenset({"plant"})
 """Names that stand for somebody else where a key has the name of a joint."""
@@ -37,27 +38,33 @@ def misfits(tree: dict[str, Any]) -> Iterator[str]:
         for i, board in enumerate(boards):
             if board is not None:
                 yield from _delay_misfits(i, board, run, hops_up=len(boards) - 1 - i)
+                yield from hardware_misfits(i, board, body_of(run, []))
     if election is not None and election.enabled and election.rounds < len(boards) - 1:
         yield (
             f"election.rounds: {election.rounds} is less than the {len(boards) - 1} hops from end"
             f" to end, so the boards could not agree"
         )
     if run is not None and run.mode == "realtime":
-        yield from realtime_misfits(
-            tree.get("realtime", {}),
-            [board.rate_hz for board in boards if board is not None],
-            tick_ms=run.tick_ms,
-            pace=run.pace,
-            rounds=Rounds(election.period_s * 1e3, election.rounds)
-            if election is not None and election.enabled
-            else None,
-        )
+        there = [(i, board) for i, board in enumerate(boards) if board is not None]
+        yield from _realtime_misfits(tree.get("realtime", {}), run, election, there)
     yield from _joint_misfits(entries if _is_list(entries) else [])
     if run is not None and all(board is not None for board in boards):
         yield from _event_misfits(tree, run, [board for board in boards if board is not None])
     yield from _posture_misfits([board for board in boards if board is not None], run or Run())
     if boards and boards[-1] is not None and not boards[-1].imu:
         yield f"board.{len(boards) - 1}.imu: the top board must carry an IMU"
+
+
+def _realtime_misfits(
+    table: object, run: Run, election: Election | None, boards: list[tuple[int, BoardTable]]
+) -> Iterator[str]:
+    rounds = None
+    if election is not None and election.enabled:
+        rounds = Rounds(election.period_s * 1e3, election.rounds)
+    rates_hz = [board.rate_hz for _, board in boards]
+    yield from realtime_misfits(table, rates_hz, tick_ms=run.tick_ms, pace=run.pace, rounds=rounds)
+    for i, board in boards:
+        yield from realtime_clock_misfits(f"board.{i}.clock", board.clock)
 
 
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(AnyEvent)
@@ -102,6 +109,7 @@ def body_of(run: Run, boards: list[BoardTable]) -> Body:
     return Body(
         joints=[board.joint for board in boards],
         segments=[board.link.name for board in boards],
+        sensors=[sensor_names(board) for board in boards],
         tick_ms=run.tick_ms,
         ticks=whole_ticks(run.duration_s * 1e3, run.tick_ms) or 0,
     )

@@ -15,6 +15,7 @@ from pydantic import (
     model_validator,
 )
 
+from deploy.board_tables import BoardHardware
 from deploy.controllers import ControllerOfBoards, Reference
 from deploy.event_tables import (
     AnyEvent,
@@ -106,7 +107,7 @@ class UnattendedTable(Table):
     damping_nm_s_rad: NotNegative = 0.0
 
 
-class BoardTable(Table):
+class BoardTable(Table, BoardHardware):
     """One joint board and the link that it carries."""
 
     joint: Name
@@ -114,8 +115,6 @@ class BoardTable(Table):
     reference_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     initial_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     lumped_delay_ms: Annotated[float, Field(ge=0, le=10_000)] = 10.0
-    imu: bool = False
-    force_plate: bool = False
     controller: Reference | None = None
     rate_hz: Rate | None = None
     """In realtime; none: that of `RealtimeTable`."""

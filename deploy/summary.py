@@ -17,6 +17,9 @@
                                             ended with so many boards enabled)
     realtime                                null in lockstep; else `deploy.realtime_summary`
     faults                                  boards that failed: joint, tick, code, text
+    degraded                                boards that asked for a torque that is no number, which
+                                            was not applied: joint, tick (the first), ticks
+    foot                                    null without one; else margin_min_m, tipping_ticks
     versions                                python, decmesh, zenoh, numpy, msgpack
 
 `deploy.indices` defines the numbers. What never happened, or is no number, is null.
@@ -30,6 +33,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from deploy.foot_margin import foot_margin
 from deploy.indices import all_indices, elections, energy
 from deploy.realtime_summary import realtime_elections
 from deploy.trajectory import Trajectory
@@ -51,6 +57,7 @@ def summary(
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
     in_realtime = cadence_of(scenario) is not None
     agreed = realtime_elections(trajectory) if in_realtime else elections(trajectory)
+    foot = foot_margin(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -71,6 +78,8 @@ def summary(
             {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)
         ],
+        "degraded": list(_degraded(trajectory)),
+        "foot": foot and foot._asdict(),
         "versions": versions(),
     }
     finite: Summary = _finite(values)
@@ -80,6 +89,14 @@ def summary(
 def _failures(trajectory: Trajectory) -> Iterator[tuple[int, list[Any]]]:
     """Events of boards that failed, with their ticks."""
     return ((tick, event) for tick, event in trajectory.events if event[0] == "fault")
+
+
+def _degraded(trajectory: Trajectory) -> Iterator[dict[str, Any]]:
+    """Boards whose torque was no number, so that the plant had to make do without."""
+    refused = ~np.isfinite(trajectory.asked_nm)
+    for joint, ticks in zip(trajectory.joints, refused.T, strict=True):
+        if ticks.any():
+            yield {"joint": joint, "tick": int(ticks.argmax()), "ticks": int(ticks.sum())}
 
 
 def write_summary(path: Path, values: Summary) -> None:

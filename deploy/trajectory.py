@@ -41,6 +41,8 @@ class Trajectory:
     """Joint rates, (T + 1, N)."""
     torques_nm: Floats
     """Torques applied to the joints, (T, N)."""
+    asked_nm: Floats
+    """Torques that the boards asked for, which may be no numbers; 0 where there is none, (T, N)."""
     controlled_rad: Floats
     """Each board's controlled variable, one lumped delay old, (T, N)."""
     state: Integers
@@ -121,6 +123,7 @@ def trajectory(
         angles_rad=states("angles_rad", outcome.angles_rad),
         rates_rad_s=states("rates_rad_s", outcome.rates_rad_s),
         torques_nm=np.array([record.torques_nm for record in free]).reshape(-1, joints),
+        asked_nm=floats("torque_nm"),
         controlled_rad=floats("controlled_rad"),
         state=integers("state"),
         enabled=integers("enabled"),

@@ -14,16 +14,18 @@ from typing import NamedTuple
 from module_agent.body_view import BodySample, BodyView, Turn
 from module_agent.config import BoardConfig, Controls, ElectionConfig
 from module_agent.controller import Candidate, Seen
-from module_agent.counting import COUNTS
+from module_agent.counts import COUNTS
 from module_agent.election import Election, Gossip, Heard
 from module_agent.foreign import FaultError, controller_of, rule_of
 from module_agent.hearing import Hearing
+from module_agent.lateness import speech
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
 from module_agent.speech import Doing, Speech
+from protocol.clocks import STEADY
 from protocol.commands import ANY, LINK, LinkParameters, decode_board_command
 from protocol.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
-from protocol.states import COUNTERS, Counters, State, entered
+from protocol.states import Counters, State, entered
 
 SYNCING, SAFE, FAULT = State.SYNCING, State.SAFE, State.FAULT
 
@@ -62,15 +64,14 @@ class Board:
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
-        self.sensing = Sensing()
+        self.sensing: Sensing = self._make_sensing()
         self.view = self._make_view()
         self.speech = self._make_speech()
         self.servo = controller_of(config)
-        self.election = None if config.election is None else self._make_election(config.election)
-        self._hear_body = [
-            self.view.hear_from_above if other > config.index else self.view.hear_from_below
-            for other in config.neighbours
-        ]
+        elects = config.election
+        self.election: Election | None = None if elects is None else self._make_election(elects)
+        above, below = self.view.hear_from_above, self.view.hear_from_below
+        self._hear_body = [above if other > config.index else below for other in config.neighbours]
         self.reference_rad = config.reference_rad
         self.state = State.ENROLLING
         self.fault: FaultError | None = None
@@ -78,7 +79,7 @@ class Board:
         self.held_rad: float | None = None
         self.next_tick: int | None = None
         self.refused: Counter[Reason] = Counter()
-        self.state_ticks = [0] * (max(State) + 1)
+        self.state_ticks: list[int] = [0] * (max(State) + 1)
         self._synced_tick = 0
         self._unsaid: tuple[bytes, ...] = ()
 
@@ -175,6 +176,11 @@ class Board:
     def _make_hearing(self, link: LinkModel) -> Hearing:
         return Hearing(link, run_id=self.run_id, boards=self.config.boards)
 
+    def _make_sensing(self) -> Sensing:
+        config = self.config
+        uneven, imu = config.clock != STEADY, config.has_imu
+        return Sensing(config.sensor_sheet, tick_s=config.tick_s, has_imu=imu, uneven=uneven)
+
     def _make_view(self) -> BodyView:
         config = self.config
         return BodyView(
@@ -187,7 +193,7 @@ class Board:
 
     def _make_speech(self) -> Speech:
         granted = {"run_id": self.run_id, "incarnation": self.incarnation}
-        return Speech(self.config, self.hearings, self.view, **granted)
+        return speech(self.config, self.hearings, self.view, **granted)
 
     def _make_election(self, election: ElectionConfig) -> Election:
         return Election(election, rule_of(self.config), board=self.config.index)
@@ -275,7 +281,7 @@ class Board:
     def _say(self, tick: int, torque_nm: float, controlled_rad: float) -> Actuation:
         gossip = self._gossip()
         said = self.speech.to_neighbours(tick, gossip, self.state)
-        counter = tick % len(COUNTERS)
+        counter = tick % len(COUNTS)
         torque = self.speech.to_plant(
             tick,
             gossip,

@@ -6,7 +6,9 @@ from typing import Any, NamedTuple
 
 from module_agent.kinematics import Link
 from protocol.cadence import Cadence, cadence_of
+from protocol.clocks import STEADY, ClockSheet, clock_sheet
 from protocol.commands import PERFECT, LinkParameters, changed
+from protocol.sensors import EXACT, SensorSheet
 from protocol.wiring import neighbours
 
 
@@ -87,6 +89,10 @@ class BoardConfig:
     """An election from outside; None: ours."""
     cadence: Cadence | None = None
     """None: lockstep."""
+    clock: ClockSheet = STEADY
+    sensor_sheet: SensorSheet = EXACT
+    torque_rate_nm_s: float | None = None
+    """How fast the motor's torque can change; None: at once."""
 
 
 def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
@@ -133,6 +139,9 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
         controller=_source(values, board["controller"]),
         rule=_source(values, election["rule"]),
         cadence=cadence_of(values),
+        clock=clock_sheet(board["clock"]),
+        sensor_sheet=SensorSheet(**board["sensors"]),
+        torque_rate_nm_s=board["actuator"]["torque_rate_nm_s"],
     )
 
 

@@ -18,7 +18,8 @@ from module_agent.consensus import MaxConsensus
 from module_agent.controller import Candidate
 from module_agent.election import Election, Gossip, Heard
 from module_agent.hearing import Hearing
-from module_agent.link_model import LinkModel, draw
+from module_agent.link_model import LinkModel
+from protocol.chance import draw
 from protocol.commands import PERFECT
 from protocol.frames import NO_TICK, LinkFrame, Neighbour, encode
 

@@ -22,7 +22,7 @@ from typing import Any
 from module_agent.config import BoardConfig, Source
 from module_agent.consensus import MaxConsensus
 from module_agent.controller import Candidate, Controller, ElectionRule, Round, Seen, Vote
-from module_agent.servo import Servo
+from module_agent.servo import servo
 from protocol.scenario import ScenarioError
 from protocol.states import FaultCode
 
@@ -113,7 +113,7 @@ class WalledRule(_Walled):
 
 def controller_of(config: BoardConfig) -> Controller:
     """The servo of a board: ours, or the one that its scenario names."""
-    return WalledController(config.controller, config) if config.controller else Servo(config)
+    return WalledController(config.controller, config) if config.controller else servo(config)
 
 
 def rule_of(config: BoardConfig) -> ElectionRule:

@@ -8,9 +8,9 @@ Rule 2: one hash, specified with test vectors in `protocol/README.md`, is all th
 
 from typing import NamedTuple
 
+from protocol.chance import draw
 from protocol.commands import PERFECT, LinkParameters
 
-MASK = (1 << 64) - 1
 BURST, LOSS, BURST_LOSS, CORRUPT, JITTER, REORDER, DUPLICATE, DUPLICATE_JITTER, BIT = range(9)
 """What a draw is for; each has a number of its own, so that none disturbs another."""
 
@@ -26,22 +26,6 @@ class Fate(NamedTuple):
 
 ON_TIME = Fate((0,))
 LOST = Fate(())
-
-
-def mix(value: int) -> int:
-    """One step of SplitMix64 (Steele, Lea, Flood 2014), 64 bits to 64 bits."""
-    value = (value + 0x9E3779B97F4A7C15) & MASK
-    value = ((value ^ (value >> 30)) * 0xBF58476D1CE4E5B9) & MASK
-    value = ((value ^ (value >> 27)) * 0x94D049BB133111EB) & MASK
-    return value ^ (value >> 31)
-
-
-def draw(seed: int, sender: int, receiver: int, tick: int, purpose: int) -> int:
-    """64 random bits for one purpose at one tick of one directed link."""
-    value = mix(seed & MASK)  # So that no link of one seed shares its bits with one of another.
-    for part in (sender, receiver, tick, purpose):
-        value = mix(value ^ (part & MASK))
-    return value
 
 
 class LinkModel:

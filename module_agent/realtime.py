@@ -37,6 +37,7 @@ IDLE_S = 0.005
 SILENT_NS = 1_000_000_000
 """After so long without an observation a board asks whether it is still in."""
 OBSERVATIONS_MAX = 1024
+PPM = 1e-6
 FRAMES_MAX = 16
 """Per link and turn: more is a storm, and the newest count."""
 
@@ -46,12 +47,18 @@ class RealtimePost(Post):
 
     def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
         self.arrived: deque[tuple[int, zenoh.Sample]] = deque(maxlen=OBSERVATIONS_MAX)
-        """Observations, each with its time on the monotonic clock, in ns."""
+        """Observations, each with its time on the board's own clock, in ns."""
         self._frames: list[deque[zenoh.Sample]] = [
             deque(maxlen=FRAMES_MAX) for _ in config.neighbours
         ]
+        self.rate = 1.0 + config.clock.skew_ppm * PPM
+        """Of the board's own clock, as its scenario wants it."""
         super().__init__(session, config, rig=rig, boot=boot)
         self._trace = publisher(session, keys.trace(rig, config.joint))
+
+    def now_ns(self) -> int:
+        """The time on the board's own clock."""
+        return int(time.monotonic_ns() * self.rate)
 
     def heard(self) -> Iterator[tuple[int, bytes, int]]:
         """What neighbours have said since the last turn; when it arrived does not matter: 0."""
@@ -76,7 +83,7 @@ class RealtimePost(Post):
 
     def _observed(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
         def left(sample: zenoh.Sample) -> None:
-            self.arrived.append((time.monotonic_ns(), sample))
+            self.arrived.append((self.now_ns(), sample))
 
         return zenoh.handlers.Callback(left, indirect=False)
 
@@ -88,8 +95,8 @@ class RealtimeRuntime(Runtime):
 
     def __init__(self, *place: Any, trouble: str | None = None) -> None:
         self.cycle: Cycle | None = None
-        self._asked_ns = self._observed_ns = time.monotonic_ns()
         super().__init__(*place, trouble=trouble)
+        self._asked_ns = self._observed_ns = self.post.now_ns()
 
     def run(self) -> NoReturn:
         """Enrol, then turn by turn until the run is over. Raises as `Runtime.run` does."""
@@ -124,13 +131,13 @@ class RealtimeRuntime(Runtime):
             except Empty:
                 self._ask_again(self._wait_longer)
             return
-        if (wait_ns := next_ns - time.monotonic_ns()) > 0:
-            time.sleep(wait_ns * 1e-9)
-        if time.monotonic_ns() - self._observed_ns > SILENT_NS:
+        if (wait_ns := next_ns - self.post.now_ns()) > 0:
+            time.sleep(wait_ns * 1e-9 / self.post.rate)
+        if self.post.now_ns() - self._observed_ns > SILENT_NS:
             self._ask_again(self._ask)
 
     def _ask_again(self, ask: Any) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns = self.post.now_ns()
         if now_ns - self._asked_ns > ASK_EVERY_S * 1e9:
             self._asked_ns = now_ns
             ask()
@@ -159,16 +166,16 @@ class RealtimeRuntime(Runtime):
 
     def _turn(self, cycle: Cycle) -> None:
         started_ns = time.thread_time_ns()
-        turn = cycle.wake(time.monotonic_ns())
+        turn = cycle.wake(self.post.now_ns())
         if turn is None:
             return
         for slot in turn.slots:
             self.last = cycle.board.play(slot)
             self.post.say(self.last)
-            self.post.report(cycle.said(slot, time.monotonic_ns()))
+            self.post.report(cycle.said(slot, self.post.now_ns()))
         for word in cycle.last_words():
             self.post.report(word)
-        line = cycle.turned(time.monotonic_ns(), time.thread_time_ns() - started_ns)
+        line = cycle.turned(self.post.now_ns(), time.thread_time_ns() - started_ns)
         if line is not None:
             self._tell(line)
         now_s = time.monotonic()

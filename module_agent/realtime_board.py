@@ -28,9 +28,12 @@ from module_agent.hearing import Hearing
 from module_agent.link_model import LinkModel
 from module_agent.mailbox import Mailbox
 from module_agent.realtime_election import RealtimeElection
+from module_agent.realtime_sensing import RealtimeSensing
 from module_agent.realtime_view import RealtimeView
+from module_agent.sensing import Sensing
 from module_agent.speech import Doing, Speech
 from protocol.cadence import Cadence
+from protocol.clocks import STEADY
 from protocol.frames import NO_TICK, Neighbour, Observation, ProtocolError, Reason
 from protocol.states import State
 from protocol.trace import LastWord, Mark, Taken
@@ -51,6 +54,7 @@ def own_time(config: BoardConfig, cadence: Cadence) -> BoardConfig:
         config,
         tick_s=config.tick_s * period,
         lumped_delay_ticks=max(1, config.lumped_delay_ticks // period - 1),
+        clock=STEADY,  # Whoever drives the board has the clock, with all that is wrong with it.
     )
 
 
@@ -129,7 +133,8 @@ class RealtimeBoard(Board):
             self._obey(command)
         self._commands.clear()
         self._mourn(self._latest.neighbours)
-        self._view.sampled_slot = self._latest.tick // self.ticks_per_period
+        sampled_slot = self._latest.tick // self.ticks_per_period
+        self._view.sampled_slot = self._sensing.sampled_slot = sampled_slot
         self._view.hold_until(slot - self.config.lumped_delay_ticks)
         return self.tick(self._latest._replace(tick=slot, command=b""))
 
@@ -171,6 +176,13 @@ class RealtimeBoard(Board):
         )
         self._mailboxes.append(mailbox)
         return mailbox
+
+    def _make_sensing(self) -> Sensing:
+        config = self.config
+        self._sensing = RealtimeSensing(
+            config.sensor_sheet, tick_s=config.tick_s, has_imu=config.has_imu
+        )
+        return self._sensing
 
     def _make_view(self) -> BodyView:
         config = self.config

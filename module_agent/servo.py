@@ -46,3 +46,38 @@ class Servo:
         if not outwards:
             self.integral_rad_s = integral
         return torque
+
+
+class SlewingServo(Servo):
+    """A servo that knows how fast its motor's torque can change, and asks for no more.
+
+    The integral stands still as well while the motor is on its way and the error would send it
+    further.
+    """
+
+    def __init__(self, config: BoardConfig) -> None:
+        super().__init__(config)
+        assert config.torque_rate_nm_s is not None, "a motor without one has a plain servo"
+        self._change_nm_max = config.torque_rate_nm_s * config.tick_s
+        self._asked_nm = 0.0
+
+    def torque_nm(self, seen: Seen) -> float:
+        """As `Servo.torque_nm`, but within reach of the last torque asked for."""
+        before = self.integral_rad_s
+        change = super().torque_nm(seen) - self._asked_nm
+        most = self._change_nm_max
+        if change > most:
+            change, outwards = most, seen.error_rad < 0.0
+        elif change < -most:
+            change, outwards = -most, seen.error_rad > 0.0
+        else:
+            outwards = False
+        if outwards:
+            self.integral_rad_s = before
+        self._asked_nm += change
+        return self._asked_nm
+
+
+def servo(config: BoardConfig) -> Servo:
+    """The servo for the motor of a board."""
+    return Servo(config) if config.torque_rate_nm_s is None else SlewingServo(config)

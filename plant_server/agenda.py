@@ -1,6 +1,9 @@
 """The agenda: what is to happen to the robot, in order, at most one command a tick (S15).
 
 Rule: a command is due at its tick or, when others are before it, as soon as they are done.
+
+Besides what scenarios and terminals say, the plant itself puts down `["ready", board]`: the board
+that was plugged in a while ago has started up.
 """
 
 from bisect import bisect, insort
@@ -37,7 +40,15 @@ class Agenda:
 
     def expects_plug(self, board: int) -> bool:
         """Whether a board is to be put in later; until then it has to wait."""
-        return any(entry.command == ["plug", board] for entry in self._entries)
+        return self.holds(["plug", board]) or self.holds(["ready", board])
+
+    def holds(self, command: Command) -> bool:
+        """Whether a command has yet to be carried out."""
+        return any(entry.command == command for entry in self._entries)
+
+    def cancel(self, command: Command) -> None:
+        """Take a command off the agenda."""
+        self._entries = [entry for entry in self._entries if entry.command != command]
 
     def due(self, tick: int) -> Command | None:
         """Take the command of this tick, if there is one."""

@@ -2,7 +2,9 @@
 
 A joint is driven (or limp: driven by 0 N m), braked, or passive, and stays so until told otherwise.
 Braked, it is no joint: its angle is constant to the bit (S17, `plant_server.clusters`). Passive, a
-spring and a damper act in it instead of its board. Besides, links may be pushed horizontally.
+spring and a damper act in it instead of its board. Besides, links may be pushed horizontally, and
+each joint may have a spring and a damper of its own, beside whatever drives it (the paper's table I
+has them as 0).
 """
 
 from collections.abc import Sequence
@@ -38,7 +40,8 @@ class Body:
     changed. 0.0: none."""
     torques_nm: list[float]
     """What the torque sensors show: the torque of the motor or of the passive element at the start
-    of the last tick. A brake holds beside the sensor, so a braked joint shows 0.0."""
+    of the last tick. A brake and the joint's own spring hold beside the sensor, so a braked joint
+    shows 0.0."""
     foot_force_n: float
     """Mean vertical force under the foot over the last tick, with the impact of a brake in it."""
 
@@ -51,6 +54,7 @@ class Body:
         substeps: int,
         fallen_below: float = 0.5,
         initial_rates_rad_s: Sequence[float] | None = None,
+        passive: Sequence[Spring | None] = (),
     ) -> None:
         self.chain = chain
         self.tick_s = tick_s
@@ -63,6 +67,8 @@ class Body:
         self.foot_force_n = chain.mass_kg * chain.gravity_m_s2
         self._braked = [False] * chain.size
         self._springs: dict[int, Spring] = {}
+        self._own = {joint: spring for joint, spring in enumerate(passive) if spring is not None}
+        """Springs and dampers of the joints themselves."""
         self._plain = True
         self._ankle_nm = 0.0
         self._ankle_impulse_nms = 0.0
@@ -116,7 +122,8 @@ class Body:
             return
         chain = self.chain
         impact = self._ankle_impulse_nms != 0.0
-        self._plain = not (self._springs or True in self._braked or impact or any(self.forces_n))
+        held = self._springs or self._own or True in self._braked or impact
+        self._plain = not (held or any(self.forces_n))
         step_s = self.tick_s / self.substeps
         try:
             self.torques_nm = list(torques_nm) if self._plain else self._sensed_nm(torques_nm)
@@ -131,6 +138,11 @@ class Body:
         rise_m_s = chain.com_rise_m_s(self.angles_rad, self.rates_rad_s)
         gained_m_s, self._rise_m_s = rise_m_s - self._rise_m_s, rise_m_s
         self.foot_force_n = chain.mass_kg * (chain.gravity_m_s2 + gained_m_s / self.tick_s)
+
+    def passive_nm(self, joint: int) -> float:
+        """What the joint's own spring and damper do at this moment."""
+        spring = self._own.get(joint)
+        return 0.0 if spring is None else self._stretched_nm(joint, spring)
 
     @property
     def foot_cop_m(self) -> float:
@@ -157,12 +169,15 @@ class Body:
             for braked, torque in zip(self._braked, torques_nm, strict=True)
         ]
         for joint, spring in self._springs.items():
-            sensed[joint] = spring.torque_nm(self.angles_rad[joint], self.rates_rad_s[joint])
+            sensed[joint] = self._stretched_nm(joint, spring)
         return sensed
+
+    def _stretched_nm(self, joint: int, spring: Spring) -> float:
+        return spring.torque_nm(self.angles_rad[joint], self.rates_rad_s[joint])
 
     def _through_ankle_nm(self) -> float:
         """Torque from foot to shank at the start of a tick, and the last impact in its mean."""
-        torque_nm, chain = self.torques_nm[0], self.chain
+        torque_nm, chain = self.torques_nm[0] + self.passive_nm(0), self.chain
         if self._braked[0]:
             q, v = self.angles_rad, self.rates_rad_s
             accelerations = self._accelerations_rad_s2(q, v, self.torques_nm)
@@ -180,6 +195,8 @@ class Body:
         for joint, spring in self._springs.items():
             torque_nm = spring.torque_nm(angles_rad[joint], rates_rad_s[joint])
             torques[joint] = torque_nm + pushes_nm[joint]
+        for joint, spring in self._own.items():
+            torques[joint] += spring.torque_nm(angles_rad[joint], rates_rad_s[joint])
         if any(self._braked):
             return self.chain.braked_accelerations_rad_s2(
                 angles_rad, rates_rad_s, torques, self._braked

@@ -2,9 +2,13 @@
 
 from typing import Any, NamedTuple
 
+from plant_server.body import Spring
 from plant_server.chain import LinkInertia
+from plant_server.hardware import FootSheet, MotorSheet
 from protocol.cadence import Cadence, cadence_of
+from protocol.clocks import ClockSheet, clock_sheet
 from protocol.commands import PERFECT, Command, LinkParameters, changed
+from protocol.sensors import SensorSheet, sensors_of
 
 
 class Unattended(NamedTuple):
@@ -41,6 +45,18 @@ class PlantConfig(NamedTuple):
     warm_up_ticks: int
     cadence: Cadence | None = None
     """None: lockstep."""
+    seed: int = 0
+    """Of all noise."""
+    sensors: tuple[tuple[str, ...], ...] = ()
+    """Names of the sensors of each board."""
+    sensor_sheets: tuple[SensorSheet, ...] = ()
+    clock_sheets: tuple[ClockSheet, ...] = ()
+    motor_sheets: tuple[MotorSheet, ...] = ()
+    """Of each board; empty: everything is ideal."""
+    passive: tuple[Spring | None, ...] = ()
+    """The joints' own springs and dampers."""
+    foot: FootSheet | None = None
+    """None: the ground takes any torque."""
 
 
 def plant_config(values: dict[str, Any]) -> PlantConfig:
@@ -48,7 +64,7 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
     run, boards = values["run"], values["board"]
     orientations = [board["initial_rad"] for board in boards]
     below = [0.0, *orientations[:-1]]
-    cadence = cadence_of(values)
+    cadence, foot = cadence_of(values), boards[0]["foot"]
     warm_up_ticks = max(board["lumped_delay_ticks"] for board in boards)
     return PlantConfig(
         joints=tuple(board["joint"] for board in boards),
@@ -71,4 +87,29 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
         fallen_below=run["fallen_below"],
         warm_up_ticks=warm_up_ticks + (cadence.settle_ticks if cadence else 0),
         cadence=cadence,
+        seed=run["seed"],
+        sensors=tuple(
+            sensors_of(
+                imu=board["imu"],
+                force_plate=board["force_plate"],
+                differentiates=board["sensors"]["differentiates"],
+            )
+            for board in boards
+        ),
+        sensor_sheets=tuple(SensorSheet(**board["sensors"]) for board in boards),
+        clock_sheets=tuple(_clock(board["clock"], cadence) for board in boards),
+        motor_sheets=tuple(MotorSheet(**board["actuator"]) for board in boards),
+        passive=tuple(_passive(board["passive"]) for board in boards),
+        foot=None if foot is None else FootSheet(**foot),
     )
+
+
+def _clock(values: dict[str, Any], cadence: Cadence | None) -> ClockSheet:
+    """In realtime boards have clocks, and the plant makes none up."""
+    sheet = clock_sheet(values)
+    return sheet if cadence is None else sheet._replace(skew_ppm=0.0)
+
+
+def _passive(values: dict[str, float]) -> Spring | None:
+    spring = Spring(**values)
+    return spring if spring.stiffness_nm_rad or spring.damping_nm_s_rad else None

@@ -13,6 +13,7 @@ from plant_server.lockstep import Lockstep
 from plant_server.watch import Watch
 from protocol.commands import PERFECT, Command, CommandError, check_command
 from protocol.frames import VERSION, ProtocolError, unseal
+from protocol.sensors import ALL
 from protocol.states import State
 
 STATUS = "status"
@@ -52,6 +53,11 @@ def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
         "waits_for": [joints[board] for board in lockstep.waiting_for],
         "sides": [[joints[board] for board in side] for side in roster.sides()],
         "boards": [_board(lockstep, watch, board) for board in range(len(joints))],
+        "sensor_faults": [
+            {"joint": joint, "sensor": sensor, "fault": fault}
+            for board, joint in enumerate(joints)
+            for sensor, fault in lockstep.sensors.faults(board, lockstep.tick).items()
+        ],
         "links": [
             {
                 "from": joints[sender],
@@ -147,6 +153,10 @@ def _check_effect(lockstep: Lockstep, joints: list[str], command: Command) -> No
     match command:
         case ["unplug", board] if not lockstep.roster.present(board):
             raise CommandError(f"{joints[board]} is not plugged in")
+        case ["sensor", board, sensor, *_] if sensor not in (*lockstep.config.sensors[board], ALL):
+            raise CommandError(f"{joints[board]} has no {sensor}")
+        case ["plug", board] if lockstep.start_up.under_way(board):
+            raise CommandError(f"{joints[board]} is starting up already")
         case ["plug", board] if lockstep.roster.present(board):
             raise CommandError(f"{joints[board]} is plugged in already")
         case ["reference", board, _] if not lockstep.roster.present(board):

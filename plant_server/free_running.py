@@ -20,9 +20,10 @@ Nobody is waited for, so a board comes and goes between two ticks, and not at a 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from plant_server.actuators import SAFE_TORQUE_NM
 from plant_server.answers import read_answer
 from plant_server.config import PlantConfig
-from plant_server.lockstep import SAFE_TORQUE_NM, Lockstep
+from plant_server.lockstep import Lockstep
 from plant_server.record import TickRecord
 from protocol.frames import ProtocolError, Reason, TorqueFrame, encode
 from protocol.trace import LastWord, Mark, decode_told
@@ -77,7 +78,7 @@ class FreeRunning(Lockstep):
             return False
         self._in_force[board] = payload
         self.said_ticks[board] = min(frame.tick, self.tick)
-        self._torques_nm[board] = self._usable(board, frame.torque_nm)
+        self.actuators.ask(board, frame.torque_nm)
         self.latest[board] = frame
         return True
 
@@ -132,5 +133,5 @@ class FreeRunning(Lockstep):
         if not stale:
             return self._in_force[board]
         self.stale_ticks[board] += 1
-        self._torques_nm[board] = SAFE_TORQUE_NM
+        self.actuators.ask(board, SAFE_TORQUE_NM)
         return b""

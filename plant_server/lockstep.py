@@ -17,25 +17,24 @@ Rule 4: what happens to the body happens between two ticks. A joint that loses i
 
 from collections import Counter
 from collections.abc import Iterator
-from math import copysign, fabs, isfinite
 from typing import Any
 
+from plant_server.actuators import Actuators
 from plant_server.agenda import Agenda
 from plant_server.answers import read_answer
 from plant_server.articulated import chain_of
 from plant_server.attendance import Attendance
 from plant_server.body import Body
 from plant_server.config import PlantConfig
+from plant_server.pushes import Pushes
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.roster import Roster
-from plant_server.sensors import readings
+from plant_server.sensors import Sensors
+from plant_server.start_up import StartUp
 from plant_server.telemetry import Failure, Telemetry
 from protocol.commands import Command
 from protocol.frames import Observation, ProtocolError, Reason, TorqueFrame, encode
 from protocol.wiring import neighbours
-
-INVALID_TORQUE_TICKS_MAX = 10
-SAFE_TORQUE_NM = 0.0
 
 
 class Lockstep:
@@ -51,20 +50,20 @@ class Lockstep:
             tick_s=config.tick_s,
             substeps=config.substeps,
             fallen_below=config.fallen_below,
+            passive=config.passive,
         )
+        self.sensors = Sensors(config)
+        self.actuators = Actuators(config)
         self.tick = -config.warm_up_ticks
         self.roster = Roster(self.size, config.standing_links, config.references_rad)
         self.agenda = Agenda(list(config.events))
+        self.start_up = StartUp(config, self.agenda)
         self.refused: Counter[Reason] = Counter()
-        self.saturated = 0
-        self.invalid_torques = 0
         self.telemetry = Telemetry(self.size)
         self.latest: list[TorqueFrame | None] = [None] * self.size
         """The last answer of each board, for whoever wants to know how it is."""
         self._events: list[list[Any]] = []
         self._answers: list[bytes | None] = [None] * self.size
-        self._torques_nm = [0.0] * self.size
-        self._invalid_ticks = [0] * self.size
         self._attendance = Attendance(config, self.body)
         self._given: dict[int, Observation] = {}
         """What each board was told in the open tick; empty between two ticks."""
@@ -72,7 +71,7 @@ class Lockstep:
         """Boards that are gone since the tick was opened, and did not answer it."""
         self._leaving: dict[int, str] = {}
         """Boards that are gone since they answered the open tick, and why."""
-        self._pushes: list[list[Any]] = []
+        self._pushes = Pushes(self.size)
         self._sides = [list(range(self.size))]
 
     @property
@@ -100,10 +99,17 @@ class Lockstep:
             return None
         self._events.append(command)
         match command:
-            case ["unplug" | "plug", _]:
+            case ["plug", board]:
+                return self.start_up.plug(board, self.tick, present=self.roster.present(board))
+            case ["ready", board]:
+                return ["plug", board]
+            case ["unplug", board]:
+                self.start_up.unplug(board)
                 return command
             case ["push", link, force_n, ticks]:
-                self._pushes.append([link, force_n, ticks])
+                self._pushes.add(link, force_n, ticks)
+            case ["sensor", *_]:
+                self.sensors.obey(self.tick, command)
             case _:
                 self.roster.obey(command)
         return None
@@ -111,6 +117,7 @@ class Lockstep:
     def admit(self, board: int, incarnation: int) -> None:
         """Give a joint to a board, from the tick that is about to be opened."""
         self.roster.admit(board, incarnation)
+        self.sensors.restart(board)
         if self.tick == -self.config.warm_up_ticks:
             self._attendance.drive(board)
         self._events.append(["admitted", board, incarnation])
@@ -126,8 +133,7 @@ class Lockstep:
         self._answers[board] = b""
         self.latest[board] = None
         self.telemetry.forget(board)
-        self._torques_nm[board] = 0.0
-        self._invalid_ticks[board] = 0
+        self.actuators.forget(board)
         # A board that has been given its observation may have acted on it before it went.
         self._events.append(["gone_midway" if self._given else "gone", board, why])
         if self._given:
@@ -185,7 +191,7 @@ class Lockstep:
         if self._answers[board] is not None:
             return False
         self._answers[board] = payload
-        self._torques_nm[board] = self._usable(board, frame.torque_nm)
+        self.actuators.ask(board, frame.torque_nm)
         self.latest[board] = frame
         self.telemetry.counted[board][frame.counter] = frame.counted
         return True
@@ -214,10 +220,11 @@ class Lockstep:
         self._hand_over()
         applied = [0.0] * self.size
         if self.tick >= 0:
-            for board, since_tick in enumerate(self._attendance.undriven_since):
-                if since_tick is None:
-                    applied[board] = self._torques_nm[board]
-            self._push()
+            was_tipping = self.actuators.tipping
+            applied = self.actuators.torques_nm(self.body, self._attendance.undriven_since)
+            if self.actuators.tipping != was_tipping:
+                self._events.append(["tipping", not was_tipping])
+            self.body.forces_n = self._pushes.forces_n()
         record = TickRecord(
             self.tick,
             *state,
@@ -258,41 +265,18 @@ class Lockstep:
         if event is not None:
             self._events.append(event)
 
-    def _push(self) -> None:
-        forces_n = [0.0] * self.size
-        for push in self._pushes:
-            forces_n[push[0]] += push[1]
-            push[2] -= 1
-        self._pushes = [push for push in self._pushes if push[2] > 0]
-        self.body.forces_n = forces_n
-
     def _record_sides(self) -> None:
         sides = self.roster.sides()
         if sides != self._sides:
             self._sides = sides
             self._events.append(["sides", sides])
 
-    def _usable(self, board: int, torque_nm: float) -> float:
-        """Saturate; in place of a torque that is no number, the last valid one, then none."""
-        limit = self.config.torque_limits_nm[board]
-        if isfinite(torque_nm):
-            self._invalid_ticks[board] = 0
-            if fabs(torque_nm) <= limit:
-                return torque_nm
-            self.saturated += 1
-            return copysign(limit, torque_nm)
-        self.invalid_torques += 1
-        self._invalid_ticks[board] += 1
-        if self._invalid_ticks[board] > INVALID_TORQUE_TICKS_MAX:
-            return SAFE_TORQUE_NM
-        return self._torques_nm[board]
-
     def _observation(self, board: int) -> Observation:
         return Observation(
             self.run_id,
             self.roster.incarnations[board],
             self.tick,
-            *readings(self.body, self.config, board),
+            *self.sensors.read(self.body, board, self.tick),
             self.roster.command_for(board),
             self.roster.neighbours_of(board),
         )

@@ -10,6 +10,8 @@ A command is a plain list, the same in a resolved scenario, on the wire and in a
     ["heal", pairs]                       make them perfect again
     ["reference", board, rad]             give a board another reference
     ["push", link, force_n, ticks]        push a link at its centre of mass, forward
+    ["sensor", board, sensor, fault, amount, ticks]
+                                          spoil a sensor (`protocol.sensors`); ticks 0: for good
     ["unplug", board]  ["plug", board]    take a board away, put one in
 
 What concerns a board reaches it as a `BoardCommand` inside its observation.
@@ -19,6 +21,8 @@ from typing import Any, NamedTuple
 
 import msgpack
 
+from protocol import sensors
+
 ANY = -1
 DELAY_TICKS_MAX = 31
 """Delay and jitter together stay below 63, so that what a tick heard fits into one number."""
@@ -26,6 +30,7 @@ RAD_MAX = 3.2
 """A reference of more than half a turn is a mistake."""
 FORCE_N_MAX = 1e4
 PUSH_TICKS_MAX = 10**7
+"""How long a push or the fault of a sensor can last."""
 
 Command = list[Any]
 
@@ -116,6 +121,9 @@ def check_command(command: Command, joints: list[str]) -> None:
                 raise CommandError(f"a force of {force_n} N is beyond {FORCE_N_MAX:g} N")
             if isinstance(ticks, bool) or not 1 <= ticks <= PUSH_TICKS_MAX:
                 raise CommandError(f"a push lasts 1 to {PUSH_TICKS_MAX} ticks, not {ticks}")
+        case ["sensor", int(board), str(sensor), str(fault), float(amount), int(ticks)]:
+            _check_board(board, joints)
+            _check_fault(sensor, fault, amount, ticks)
         case ["unplug" | "plug", int(board)]:
             _check_board(board, joints)
         case _:
@@ -135,6 +143,20 @@ def concerns(command: Command, sender: int, receiver: int) -> bool:
 def _check_board(board: int, joints: list[str]) -> None:
     if isinstance(board, bool) or not 0 <= board < len(joints):
         raise CommandError(f"there is no board {board}; the body has {', '.join(joints)}")
+
+
+def _check_fault(sensor: str, fault: str, amount: float, ticks: int) -> None:
+    if sensor not in sensors.NAMES:
+        known = ", ".join(sensors.NAMES)
+        raise CommandError(f"no sensor is called {sensor[:40]!r}; there are {known}")
+    if fault not in sensors.FAULTS:
+        known = ", ".join(sensors.FAULTS)
+        raise CommandError(f"a sensor cannot be {fault[:40]!r}, but {known}")
+    trouble = sensors.amount_trouble(fault, amount)
+    if trouble is not None:
+        raise CommandError(trouble)
+    if isinstance(ticks, bool) or not 0 <= ticks <= PUSH_TICKS_MAX:
+        raise CommandError(f"a fault lasts 0 to {PUSH_TICKS_MAX} ticks, not {ticks}")
 
 
 def _check_pairs(pairs: list[Any], joints: list[str]) -> None:

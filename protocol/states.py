@@ -126,7 +126,7 @@ class Counters(NamedTuple):
     """Everything that a board counts, since its admission.
 
     It is also the telemetry: a torque frame carries one of these, the next tick the next, and so on
-    around.
+    around. Numbers keep their meaning: new ones come behind.
     """
 
     held_ticks: int = 0
@@ -146,7 +146,11 @@ class Counters(NamedTuple):
     refused_tick: int = 0
     refused_range: int = 0
     """Frames, by the reason for which they were refused."""
+    inconsistent_samples: int = 0
+    """Own sensors of which one contradicts another, or itself a moment ago."""
+    stuck_samples: int = 0
+    """An own sensor that says the same for ever, though the joint must have moved."""
 
 
 COUNTERS = Counters._fields
-assert COUNTERS[-len(Reason) :] == tuple(f"refused_{reason}" for reason in Reason)
+assert {f"refused_{reason}" for reason in Reason} <= set(COUNTERS)

@@ -8,6 +8,7 @@ that every board is electing in every tick, however many there are.
 
 import math
 
+from deploy.board_tables import BoardHardware, resolved_hardware
 from protocol.scenario import ResolvedScenario, resolved
 
 LUMPED_DELAY_TICKS = 10
@@ -73,6 +74,7 @@ def hanging(boards: int, *, ticks: int = 1_000_000, seed: int = 1) -> ResolvedSc
                         "com_m": LENGTH_M / 2.0,
                         "inertia_kg_m2": MASS_KG * LENGTH_M**2 / 12.0,
                     },
+                    **resolved_hardware(BoardHardware(), tick_ms=1.0),
                 }
                 for board in range(boards)
             ],

@@ -118,6 +118,7 @@ def chain(folder: Path, boards: int, duration_s: float) -> Trajectory:
         angles_rad=angles_rad,
         rates_rad_s=np.gradient(angles_rad, 0.001, axis=0),
         torques_nm=np.ones((ticks, boards)),
+        asked_nm=angles_rad[:-1],
         controlled_rad=angles_rad[:-1],
         state=np.full((ticks, boards), 2),
         **_elected(np.abs(angles_rad), scenario["election"]),

@@ -292,6 +292,7 @@ def cut(whole: Trajectory, ticks: int) -> Trajectory:
         angles_rad=whole.angles_rad[: ticks + 1],
         rates_rad_s=whole.rates_rad_s[: ticks + 1],
         torques_nm=whole.torques_nm[:ticks],
+        asked_nm=whole.asked_nm[:ticks],
         controlled_rad=whole.controlled_rad[:ticks],
         enabled=whole.enabled[:ticks],
         epoch=whole.epoch[:ticks],

@@ -14,8 +14,7 @@ from deploy.twin import run_twin
 KEYS = {
     "scenario", "seed", "mode", "controller", "ending", "ticks", "simulated_s", "wall_s",
     "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "realtime",
-    "faults",
-    "versions",
+    "faults", "degraded", "foot", "versions",
 }  # fmt: skip
 
 
@@ -39,8 +38,21 @@ def test_it_says_what_was_run_and_what_came_out(second: Trajectory) -> None:
     assert set(found["indices"]) == {"TS", "KNEE", "BS"}
     assert set(found["energy_j"]) == {"positive", "absolute", "net"}
     assert found["consensus"]["epochs"] == 10
-    assert found["faults"] == []
+    assert found["faults"] == found["degraded"] == []
+    assert found["foot"] is None
     assert None not in found["versions"].values()
+
+
+def test_a_torque_that_is_no_number_degrades_a_run(second: Trajectory) -> None:
+    """It is said of the run afterwards, not only counted while it goes on."""
+    asked_nm = second.asked_nm.copy()
+    asked_nm[300:340:2, 1] = nan
+    asked_nm[7, 2] = inf
+    found = summary(replace(second, asked_nm=asked_nm), mode="processes")
+    assert found["degraded"] == [
+        {"joint": "knee", "tick": 300, "ticks": 20},
+        {"joint": "hip", "tick": 7, "ticks": 1},
+    ]
 
 
 def test_without_elections_it_is_the_original_controller() -> None:

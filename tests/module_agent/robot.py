@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sin
+from math import cos, sin
 from typing import Any
 
 from module_agent.board import Actuation, Board
@@ -74,11 +74,11 @@ def board(index: int, gains: ServoGains = FULL, **changes: Any) -> Board:
 
 
 def moving(index: int, tick: int) -> Readings:
-    """Sensors of a body whose every joint moves in its own way."""
-    joint = 0.1 * sin(0.03 * tick + index)
-    imu = (0.2 * sin(0.02 * tick), 0.1) if index == 2 else (0.0, 0.0)
+    """Sensors of a body whose every joint moves in its own way, at the rate that it says."""
+    joint = 0.1 * sin(0.03 * tick + index), 3.0 * cos(0.03 * tick + index)
+    imu = (0.2 * sin(0.02 * tick), 4.0 * cos(0.02 * tick)) if index == 2 else (0.0, 0.0)
     foot = (490.0 + index, 0.01) if index == 0 else (0.0, 0.0)
-    return (joint, 0.05, 1.0, *imu, *foot)
+    return (*joint, 1.0, *imu, *foot)
 
 
 def still(index: int, _tick: int) -> Readings:

@@ -1,5 +1,7 @@
 """One board's tick and epoch, in the order of S10 and S11."""
 
+from math import cos, sin, tau
+
 import pytest
 
 from module_agent.kinematics import NOTHING, add_link
@@ -152,9 +154,10 @@ def test_a_board_that_is_disabled_again_holds_anew() -> None:
     """The hip leads in epochs 0 and 2, the knee in epoch 1: what it held before is forgotten."""
 
     def sensors(index: int, tick: int) -> Readings:
-        joint = 0.3 + 0.001 * tick if index == 1 else 0.0
-        imu = (0.0 if 25 <= tick < 60 else 0.9) if index == 2 else 0.0
-        return (joint, 0.0, 0.0, imu, 0.0, 0.0, 0.0)
+        turn = tau / (2 * PERIOD_TICKS)
+        joint = (0.3 + 0.001 * tick, 1.0) if index == 1 else (0.0, 0.0)
+        swing = 0.45 * (1.0 + cos(turn * tick)), -450.0 * turn * sin(turn * tick)
+        return (*joint, 0.0, *(swing if index == 2 else (0.0, 0.0)), 0.0, 0.0)
 
     acts = Robot(gains=PROPORTIONAL, sensors=sensors).run(3 * PERIOD_TICKS)
     latches = [epoch * PERIOD_TICKS + ROUNDS for epoch in range(3)]

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from module_agent.elector import Ballot, Elector, ElectorConfig, urgency
-from module_agent.link_model import draw
+from protocol.chance import draw
 from protocol.frames import LinkFrame, Reason, decode
 
 RUN = 0x8000_0001

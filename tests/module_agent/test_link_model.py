@@ -6,11 +6,10 @@ from math import sqrt
 from statistics import fmean
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from module_agent.hearing import Hearing
-from module_agent.link_model import LOST, ON_TIME, Fate, LinkModel, draw, mix
+from module_agent.link_model import LOST, ON_TIME, Fate, LinkModel
+from protocol.chance import draw
 from protocol.commands import PERFECT, LinkParameters
 from protocol.frames import LinkFrame, Neighbour, encode
 
@@ -43,21 +42,6 @@ def assert_share(hits: int, trials: int, expected: float) -> None:
     """A share is within the 99.9 % interval of a probability."""
     margin = Z_99_9 * sqrt(expected * (1.0 - expected) / trials) + 0.5 / trials
     assert abs(hits / trials - expected) <= margin
-
-
-def test_mix_is_splitmix64() -> None:
-    """The first numbers of its published stream for seed 0, and the well-known 1234567."""
-    golden = 0x9E3779B97F4A7C15
-    stream = [mix(n * golden % 2**64) for n in range(3)]
-    assert stream == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
-    assert mix(1234567) == 6457827717110365317
-
-
-@given(*[st.integers(0, 2**64 - 1)] * 2)
-@settings(derandomize=True, deadline=None)
-def test_mix_loses_nothing(one: int, other: int) -> None:
-    """It is a bijection: two values never become the same."""
-    assert (mix(one) == mix(other)) == (one == other)
 
 
 def test_the_fate_of_a_frame_depends_on_nothing_that_is_asked_besides() -> None:

@@ -1,10 +1,11 @@
-"""A board's own sensors: what is no reading is held for 10 ticks, then it is unsafe to drive."""
+"""A board's own sensors: what is no reading is held for 10 ticks, then they are given up."""
 
 from math import inf, nan
 
 import pytest
 
-from module_agent.sensing import HOLD_TICKS_MAX, RAD_MAX, RAD_S_MAX, Readings, Sensing
+from module_agent.plausibility import RAD_MAX, RAD_S_MAX
+from module_agent.sensing import BACK_TICKS, HOLD_TICKS_MAX, Readings, Sensing
 from protocol.frames import LinkFrame, Observation, decode, encode
 from protocol.states import COUNTERS, State
 from tests.module_agent.robot import (
@@ -36,6 +37,10 @@ def seen(tick: int, **changes: float) -> Observation:
     return decode(Observation, observation(2, tick))._replace(**changes)  # type: ignore[arg-type]
 
 
+def hip() -> Sensing:
+    return Sensing(tick_s=1e-3, has_imu=True)
+
+
 def good(tick: int) -> Readings:
     joint_rad, joint_rad_s, _, imu_rad, imu_rad_s, _, _ = moving(2, tick)
     return Readings((joint_rad, joint_rad_s), (imu_rad, imu_rad_s))  # type: ignore[arg-type]
@@ -43,40 +48,55 @@ def good(tick: int) -> Readings:
 
 @pytest.mark.parametrize(("field", "value"), LIES)
 def test_what_no_body_can_have_is_never_used(field: str, value: float) -> None:
-    sensing = Sensing()
+    sensing = hip()
     assert sensing.read(seen(5)) == good(5)
     assert sensing.read(seen(6, **{field: value})) == good(5)
-    assert sensing.implausible_samples == 1
+    assert sensing.implausible_samples + sensing.inconsistent_samples == 1
     assert sensing.read(seen(7)) == good(7)
     assert sensing.safe
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_largest_plausible_readings_are_used(sign: float) -> None:
-    sensing = Sensing()
     for field, most in (("joint_rad", RAD_MAX), ("imu_rad_s", RAD_S_MAX)):
+        sensing = hip()
         sensing.read(seen(5, **{field: sign * most}))
         assert sensing.implausible_samples == 0
-    sensing.read(seen(5, joint_rad=sign * 1.0001 * RAD_MAX))
-    assert sensing.implausible_samples == 1
+        sensing = hip()
+        sensing.read(seen(5, **{field: sign * 1.0001 * most}))
+        assert sensing.implausible_samples == 1
 
 
 def test_it_is_safe_to_drive_for_ten_ticks_on_what_is_held_and_no_longer() -> None:
-    sensing = Sensing()
+    sensing = hip()
     sensing.read(seen(0))
     safe = []
     for tick in range(1, 30):
         assert sensing.read(seen(tick, joint_rad=nan)) == good(0)
         safe.append(sensing.safe)
     assert safe == [True] * HOLD_TICKS_MAX + [False] * (29 - HOLD_TICKS_MAX)
-    sensing.read(seen(30))
-    assert sensing.safe
     assert sensing.implausible_samples == 29
+
+
+def test_sensors_that_were_given_up_are_back_after_readings_in_a_row_that_agree() -> None:
+    sensing = hip()
+    for tick in range(20):
+        sensing.read(seen(tick, **({} if tick == 0 else {"joint_rad": nan})))
+    assert not sensing.safe
+    for tick in range(20, 20 + BACK_TICKS - 1):
+        assert sensing.read(seen(tick)) == good(0), "what has not proved itself is not used"
+    sensing.read(seen(20 + BACK_TICKS - 1, imu_rad=nan))
+    first = 20 + BACK_TICKS
+    for tick in range(first, first + BACK_TICKS):
+        assert not sensing.safe
+        sensing.read(seen(tick))
+    assert sensing.safe
+    assert sensing.read(seen(first + BACK_TICKS)) == good(first + BACK_TICKS)
 
 
 def test_gaps_count_one_by_one() -> None:
     """Ten bad, one good, ten bad again: never unsafe."""
-    sensing = Sensing()
+    sensing = hip()
     for tick in range(100):
         sensing.read(seen(tick, **({} if tick % 11 == 0 else {"imu_rad": inf})))
         assert sensing.safe
@@ -95,19 +115,19 @@ def _fails(index: int, tick: int) -> Sensed:
 
 def test_a_board_without_sensors_lets_go_and_is_elected_again_when_they_are_back() -> None:
     """The others elect one of themselves meanwhile, from the next epoch on. The board drives again
-    when its delay line is full again."""
-    acts = Robot(gains=PROPORTIONAL, sensors=_fails).run(5 * PERIOD_TICKS)
-    unsafe = range(FAILS + HOLD_TICKS_MAX, BACK + DELAY_TICKS)
-    for tick in range(5 * PERIOD_TICKS):
+    when its sensors have proved themselves and its delay line is full again."""
+    acts = Robot(gains=PROPORTIONAL, sensors=_fails).run(6 * PERIOD_TICKS)
+    unsafe = range(FAILS + HOLD_TICKS_MAX, BACK + BACK_TICKS - 1 + DELAY_TICKS)
+    for tick in range(6 * PERIOD_TICKS):
         said = torque(acts[tick][2])
         assert (said.state == State.SAFE) == (tick in unsafe)
         if tick in unsafe:
             assert (said.torque_nm, said.enabled) == (0.0, 0)
-    hip = [torque(acts[tick][2]).enabled for tick in range(5 * PERIOD_TICKS)]
-    latch = 4 * PERIOD_TICKS + ROUNDS
+    hip = [torque(acts[tick][2]).enabled for tick in range(6 * PERIOD_TICKS)]
+    latch = 5 * PERIOD_TICKS + ROUNDS
     assert hip[ROUNDS : unsafe.start] == [1] * (unsafe.start - ROUNDS)
     assert hip[unsafe.start : latch] == [0] * (latch - unsafe.start)
-    assert hip[latch:] == [1] * (5 * PERIOD_TICKS - latch)
+    assert hip[latch:] == [1] * (6 * PERIOD_TICKS - latch)
     for tick in range(3 * PERIOD_TICKS + ROUNDS, latch):
         assert sum(torque(act).enabled for act in acts[tick][:2]) == 1
 

@@ -1,5 +1,6 @@
 """The servo: the paper's equation for tau, its limit, and an integral that does not wind up."""
 
+from dataclasses import replace
 from math import cos, sin
 
 import pytest
@@ -10,7 +11,7 @@ from module_agent.body_view import BodySample, Turn
 from module_agent.config import ServoGains
 from module_agent.controller import Seen
 from module_agent.kinematics import Supported
-from module_agent.servo import Servo
+from module_agent.servo import Servo, SlewingServo, servo
 from protocol.frames import Observation
 from protocol.states import State
 from tests.module_agent.robot import config
@@ -129,3 +130,47 @@ def test_the_integral_survives_a_change_of_goal() -> None:
     for error in (0.5, -0.2, 0.0, 0.3):
         servo.torque_nm(_seen(error))
     assert servo.integral_rad_s == pytest.approx(0.6 * TICK_S)
+
+
+def _slewing(rate: float = 1000.0) -> SlewingServo:
+    return SlewingServo(replace(config(0, GAINS, tick_s=TICK_S), torque_rate_nm_s=rate))
+
+
+def test_a_motor_that_changes_at_once_needs_no_other_servo() -> None:
+    at_once = config(0, GAINS, tick_s=TICK_S)
+    assert type(servo(at_once)) is Servo
+    assert type(servo(replace(at_once, torque_rate_nm_s=1.0))) is SlewingServo
+
+
+@LAW
+@given(inputs=INPUTS, rate=st.floats(100.0, 1e6))
+def test_it_asks_for_no_more_than_the_motor_can_do_in_a_tick(
+    inputs: list[tuple[float, float, float]], rate: float
+) -> None:
+    slewing, before = _slewing(rate), 0.0
+    for one in inputs:
+        asked = slewing.torque_nm(_seen(*one))
+        assert abs(asked - before) <= rate * TICK_S * (1.0 + 1e-9)
+        before = asked
+
+
+@LAW
+@given(inputs=INPUTS)
+def test_with_time_enough_it_is_the_servo(inputs: list[tuple[float, float, float]]) -> None:
+    plain, slewing = _servo(GAINS), _slewing(1e9)
+    for one in inputs:
+        assert slewing.torque_nm(_seen(*one)) == pytest.approx(
+            plain.torque_nm(_seen(*one)), abs=1e-9
+        )
+        assert slewing.integral_rad_s == plain.integral_rad_s
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_integral_stands_still_while_the_motor_is_on_its_way(side: float) -> None:
+    """It moves again when the error has turned round."""
+    slewing = _slewing()
+    for _ in range(50):
+        slewing.torque_nm(_seen(side))
+    assert slewing.integral_rad_s == 0.0
+    slewing.torque_nm(_seen(-0.01 * side, 0.0, side))
+    assert slewing.integral_rad_s == pytest.approx(-0.01 * side * TICK_S)

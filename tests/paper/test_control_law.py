@@ -287,7 +287,7 @@ def said(scenario: ResolvedScenario, shaken: int | None) -> Iterator[list[tuple[
             assert index == board.config.index
             if plant.tick == -5 and index == shaken:
                 observation = observation._replace(
-                    joint_rad=observation.joint_rad + 0.01, imu_rad=observation.imu_rad + 0.02
+                    joint_rad=observation.joint_rad + 1e-6, imu_rad=observation.imu_rad + 2e-6
                 )
             actuation = board.tick(board.read(encode(observation)))
             assert plant.answer(board.config.index, actuation.torque)

@@ -1,6 +1,7 @@
 """A plant of three joints for tests, and boards that answer whatever a test wants them to."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from plant_server.chain import LinkInertia
 from plant_server.config import PlantConfig, Unattended
@@ -15,6 +16,7 @@ from protocol.frames import (
     decode,
     encode,
 )
+from protocol.sensors import sensors_of
 from protocol.states import State
 from protocol.wiring import neighbours
 
@@ -37,8 +39,12 @@ def plant(
     events: Iterable[tuple[int, Command]] = (),
     standing: dict[tuple[int, int], LinkParameters] | None = None,
     here: Sequence[int] = (ANKLE, KNEE, HIP),
+    **hardware: Any,
 ) -> Lockstep:
-    """A plant whose boards have been admitted, all as incarnation 1."""
+    """A plant whose boards have been admitted, all as incarnation 1.
+
+    `hardware`: what is not ideal, as `PlantConfig` has it.
+    """
     config = PlantConfig(
         joints=JOINTS,
         segments=("shank", "thigh", "trunk"),
@@ -56,7 +62,11 @@ def plant(
         ticks=ticks,
         fallen_below=0.5,
         warm_up_ticks=warm_up_ticks,
-    )
+        sensors=tuple(
+            sensors_of(imu=board == HIP, force_plate=board == ANKLE, differentiates=False)
+            for board in (ANKLE, KNEE, HIP)
+        ),
+    )._replace(**hardware)
     lockstep = Lockstep(config, run_id=RUN)
     for board in here:
         lockstep.admit(board, 1)

@@ -127,7 +127,7 @@ def test_no_number_is_replaced_and_too_much_is_cut() -> None:
     assert play(plant)[1].torques_nm[0] == 5.0
     plant.answer(0, torque(0, 4, 1e9))
     assert play(plant)[1].torques_nm[0] == 1000.0
-    assert (plant.invalid_torques, plant.saturated) == (1, 1)
+    assert (plant.actuators.invalid_torques, plant.actuators.saturated) == (1, 1)
 
 
 def test_a_board_that_goes_leaves_its_joint_unattended_at_once() -> None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant_server.hardware import IDEAL, MotorSheet
 from plant_server.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
 from protocol.commands import Command
 from protocol.frames import (
@@ -90,7 +91,7 @@ def test_what_is_no_answer_is_counted_by_its_reason(which: int) -> None:
         {"candidate": -1},
         {"round": -1},
         {"epoch": 2**31},
-        {"counter": 14},  # There are fourteen, from 0.
+        {"counter": 16},  # There are sixteen, from 0.
         {"counted": 2**63},
         {"links": ()},  # Whoever asks for the status would look for what is not there.
         {"links": (LinkUse(1, 0, 0), LinkUse(1, 0, 0))},
@@ -137,7 +138,7 @@ def test_answers_are_a_set(data: st.DataObject) -> None:
         assert not chaotic.waiting_for
         assert chaotic.close() == record
     assert chaotic.refused == expected
-    assert chaotic.saturated == orderly.saturated == 1
+    assert chaotic.actuators.saturated == orderly.actuators.saturated == 1
     assert orderly.outcome(0.0) == chaotic.outcome(0.0)
 
 
@@ -151,7 +152,7 @@ def test_the_first_answer_of_a_tick_stands() -> None:
     reply(lockstep, KNEE)
     reply(lockstep, HIP)
     assert lockstep.close().torques_nm == (5.0, 0.0, 0.0)
-    assert lockstep.invalid_torques == 0
+    assert lockstep.actuators.invalid_torques == 0
 
 
 def test_a_tick_is_not_over_before_everybody_has_answered() -> None:
@@ -170,13 +171,22 @@ def test_a_torque_that_is_no_number_is_bridged_for_ten_ticks(number: float) -> N
     play(lockstep, 12.0, 0.0, 0.0)
     applied = [play(lockstep, number, 0.0, 0.0).torques_nm[0] for _ in range(15)]
     assert applied == [12.0] * 10 + [0.0] * 5
-    assert lockstep.invalid_torques == 15
-    assert lockstep.saturated == 0
+    assert lockstep.actuators.invalid_torques == 15
+    assert lockstep.actuators.saturated == 0
     # A valid torque ends it, and the next gap has ten ticks of its own.
     assert play(lockstep, -4.0, 0.0, 0.0).torques_nm[0] == -4.0
     applied = [play(lockstep, number, 0.0, 0.0).torques_nm[0] for _ in range(11)]
     assert applied == [-4.0] * 10 + [0.0]
     assert not lockstep.body.fallen
+
+
+@pytest.mark.parametrize("hold_ticks", [0, 3])
+def test_how_long_it_is_bridged_is_in_the_motors_data_sheet(hold_ticks: int) -> None:
+    lockstep = plant(motor_sheets=(MotorSheet(hold_ticks=hold_ticks), IDEAL, IDEAL))
+    play(lockstep, 12.0, 12.0, 0.0)
+    applied = [play(lockstep, nan, nan, 0.0).torques_nm for _ in range(12)]
+    assert [torques[0] for torques in applied] == [12.0] * hold_ticks + [0.0] * (12 - hold_ticks)
+    assert [torques[1] for torques in applied] == [12.0] * 10 + [0.0] * 2
 
 
 def test_a_board_that_never_said_a_number_drives_nothing() -> None:
@@ -189,12 +199,12 @@ def test_torques_beyond_the_limit_are_saturated_and_counted() -> None:
     """The limit itself is within it; what bridges a gap afterwards is what was applied."""
     lockstep = plant()
     assert play(lockstep, LIMIT_NM, -LIMIT_NM, 0.0).torques_nm == (LIMIT_NM, -LIMIT_NM, 0.0)
-    assert lockstep.saturated == 0
+    assert lockstep.actuators.saturated == 0
     beyond = play(lockstep, 50.000001, -1e300, 49.9)
     assert beyond.torques_nm == (LIMIT_NM, -LIMIT_NM, 49.9)
-    assert lockstep.saturated == 2
+    assert lockstep.actuators.saturated == 2
     assert play(lockstep, nan, nan, 0.0).torques_nm == (LIMIT_NM, -LIMIT_NM, 0.0)
-    assert lockstep.saturated == 2
+    assert lockstep.actuators.saturated == 2
 
 
 def test_the_body_is_held_through_the_warm_up_and_released_by_tick_zero() -> None:

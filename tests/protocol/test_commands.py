@@ -44,6 +44,10 @@ GOOD: list[list[Any]] = [
     ["heal", [[2, 1]]],
     ["reference", 2, -0.1],
     ["push", 0, -40.0, 100],
+    ["sensor", 1, "encoder", "stuck", 0.0, 500],
+    ["sensor", 1, "all", "ok", 0.0, 0],
+    ["sensor", 2, "imu", "delayed", 30.0, 0],
+    ["sensor", 2, "imu", "intermittent", 0.5, 0],
     ["unplug", 0],
     ["plug", 2],
 ]
@@ -88,6 +92,27 @@ IMPOSSIBLE: list[tuple[Any, str]] = [
     *((["push", 0, value, 10], "is beyond 10000 N") for value in (1.1e4, -1.1e4, nan, -inf)),
     *((["push", 0, 1.0, ticks], "a push lasts 1 to") for ticks in (0, -1, 10**8, True)),
     (["push", 0, 1.0, 1.5], "not a command"),
+    (["sensor", 3, "encoder", "off", 0.0, 0], "there is no board 3"),
+    (["sensor", 0, "nose", "off", 0.0, 0], "no sensor is called 'nose'; there are encoder"),
+    (["sensor", 0, "x" * 400, "off", 0.0, 0], "no sensor is called 'xxx"),
+    (["sensor", 0, "imu", "drunk", 0.0, 0], "a sensor cannot be 'drunk', but ok, off"),
+    (["sensor", 0, "imu", "x" * 400, 0.0, 0], "a sensor cannot be 'xxx"),
+    (["sensor", 0, "imu", "stuck", 1.0, 0], "stuck takes no amount"),
+    (["sensor", 0, "imu", "stuck", nan, 0], "stuck takes no amount"),
+    *(
+        (["sensor", 0, "imu", fault, amount, 0], f"{fault} takes 1 to 10000 whole ticks")
+        for fault in ("slow", "delayed")
+        for amount in (0.0, -1.0, 1.5, 1e9, nan, inf)
+    ),
+    *(
+        (["sensor", 0, "imu", "intermittent", amount, 0], "intermittent takes a probability")
+        for amount in (-0.1, 1.1, nan)
+    ),
+    *(
+        (["sensor", 0, "imu", "off", 0.0, ticks], "a fault lasts 0 to")
+        for ticks in (-1, 10**8, True)
+    ),
+    (["sensor", 0, "imu", "off", 0, 0], "not a command"),
 ]
 
 

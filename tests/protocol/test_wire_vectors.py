@@ -9,8 +9,8 @@ from zlib import crc32
 import pytest
 
 from module_agent import link_model
-from module_agent.link_model import draw
 from protocol import enrolment, frames, keys
+from protocol.chance import draw
 from protocol.commands import LINK, PERFECT, TICKS, check_command, decode_board_command
 from protocol.enrolment import EnrolmentReply, EnrolmentRequest
 from protocol.frames import (

@@ -9,6 +9,7 @@ import msgpack
 
 from plant_server import control
 from plant_server.lockstep import Lockstep
+from protocol import sensors
 from protocol.commands import Command
 from protocol.frames import VERSION, Observation, decode, encode, seal
 from protocol.wiring import neighbours
@@ -105,7 +106,7 @@ class Adversary:
     def _drawn(self) -> tuple[Command, Command | None]:
         """A command, and perhaps one that undoes it later."""
         chance, board = self.chance, self.chance.randrange(self.size)
-        match chance.randrange(8):
+        match chance.randrange(10):
             case 0 | 1 | 2:
                 pairs = self._pairs(board)
                 return ["link", pairs, link_changes(chance)], ["heal", pairs]
@@ -115,10 +116,24 @@ class Adversary:
                 return ["reference", board, chance.uniform(-0.2, 0.2)], None
             case 5:
                 return ["push", board, chance.uniform(-60.0, 60.0), chance.randint(1, 20)], None
-            case 6:
-                return ["unplug", board], chance.choice((["plug", board], None))
+            case 6 | 7:
+                return self._sensor_fault(board), ["sensor", board, sensors.ALL, sensors.OK, 0.0, 0]
             case _:
-                return ["plug", board], None
+                plug = ["plug", board]
+                unplug = (["unplug", board], chance.choice((plug, None)))
+                return chance.choice((unplug, (plug, None)))
+
+    def _sensor_fault(self, board: int) -> Command:
+        """Of a sensor that every board has."""
+        chance = self.chance
+        sensor = chance.choice((sensors.ENCODER, sensors.GYROSCOPE, sensors.TORQUE, sensors.ALL))
+        fault = chance.choice(sensors.FAULTS)
+        amount = 0.0
+        if fault in sensors.AMOUNT_TICKS:
+            amount = float(chance.randint(1, 30))
+        elif fault == sensors.INTERMITTENT:
+            amount = chance.random()
+        return ["sensor", board, sensor, fault, amount, chance.choice((0, 1, 15, 60))]
 
     def _pairs(self, board: int) -> list[list[int]]:
         near = neighbours(board, self.size)

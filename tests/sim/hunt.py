@@ -6,6 +6,7 @@ find(seed)      plays it and returns what was seen, or the law that was broken
 import hashlib
 from typing import NamedTuple
 
+from module_agent.sensing import BACK_TICKS
 from plant_server.record import TickRecord
 from protocol.frames import TorqueFrame, decode
 from protocol.states import State
@@ -58,11 +59,14 @@ class Game:
             self._live()
 
     def _live(self) -> None:
-        """One epoch after the delay lines are full, one board is enabled and all are running."""
+        """One epoch after the delay lines are full, one board is enabled and all are running.
+
+        They are filled by sensors that are back.
+        """
         values, agreement = self.plan.scenario.values, self.laws.agreement
         lockstep = self.robot.lockstep
         delay_ticks = max(board["lumped_delay_ticks"] for board in values["board"])
-        full_tick = lockstep.tick + delay_ticks
+        full_tick = lockstep.tick + BACK_TICKS + delay_ticks
         period_ticks = agreement.period_ticks
         begins_tick = -(-full_tick // period_ticks) * period_ticks
         latch_tick = begins_tick + agreement.rounds

@@ -9,7 +9,7 @@ from math import copysign, fabs, isfinite
 from module_agent.board import Board
 from module_agent.body_view import FORGET_EVERY_TICKS
 from module_agent.hearing import EARLY_FRAMES_MAX, Hearing
-from plant_server.lockstep import INVALID_TORQUE_TICKS_MAX
+from plant_server.hardware import IDEAL
 from plant_server.record import TickRecord
 from protocol.commands import DELAY_TICKS_MAX, PERFECT
 from protocol.frames import NO_EPOCH, NO_TICK, LinkFrame, TorqueFrame, decode
@@ -92,7 +92,7 @@ class Laws:
             self.held_nm[board] = usable
         else:
             self.nan_ticks[board] += 1
-            if self.nan_ticks[board] > INVALID_TORQUE_TICKS_MAX:
+            if self.nan_ticks[board] > IDEAL.hold_ticks:
                 self.held_nm[board] = 0.0
         expected = self.held_nm[board] if frame.tick >= 0 else 0.0
         syncing = frame.state == State.SYNCING

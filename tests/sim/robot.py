@@ -10,6 +10,7 @@ from deploy.twin import Twin
 from module_agent.board import Board, ReplacedError
 from module_agent.config import board_config
 from plant_server.record import TickRecord
+from protocol import sensors
 from protocol.frames import ProtocolError
 from protocol.wiring import neighbours
 from tests.sim.adversary import Adversary, Fate
@@ -94,11 +95,13 @@ class Robot(Twin):
         return record
 
     def heal(self) -> None:
-        """End all faults: perfect links, a board on every joint, nobody frozen."""
+        """End all faults: perfect links and sensors, a board on every joint, nobody frozen."""
         self.adversary.healed = True
         agenda, tick = self.lockstep.agenda, self.lockstep.tick
         agenda.add(max(tick, self.adversary.until), ["heal", []])
         for board in range(len(self.boards)):
+            whole = ["sensor", board, sensors.ALL, sensors.OK, 0.0, 0]
+            agenda.add(max(tick, self.adversary.until) + 1, whole)
             agenda.add(max(tick, self.adversary.until) + 1, ["plug", board])
 
     @property

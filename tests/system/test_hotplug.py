@@ -232,3 +232,22 @@ def test_with_patience_a_frozen_board_is_left_behind_and_enrols_again(
     eventually(lambda: state() == State.RUNNING.name.lower())
     plant.send_signal(signal.SIGINT)
     assert [board.wait(30) for board in boards.values()] == [ExitCode.OK] * 3
+
+
+def test_processes_equal_the_twin_on_hardware_that_fails(tmp_path: Path) -> None:
+    """Noise, steps, lags, late ticks, a foot, a board that takes its time, and broken sensors."""
+    events = (
+        "event=[{at_s=0.05, do='sensor', joint='knee', fault='stuck', duration_s=0.05},"
+        "{at_s=0.1, do='sensor', joint='hip', sensor='imu', fault='garbage', duration_s=0.03},"
+        "{at_s=0.15, do='sensor', joint='ankle', sensor='all', fault='intermittent'},"
+        "{at_s=0.2, do='unplug', joint='hip'}, {at_s=0.25, do='plug', joint='hip'}]"
+    )
+    late = "board.1.clock.overrun_at_s=[0.1, 0.101, 0.102]"
+    settings = (events, late, "run.duration_s=0.6", "unattended.how=braked", "run.seed=7")
+    options = [word for setting in settings for word in ("--set", setting)]
+    done = decmesh("run", "hardware", *options, "--out", str(tmp_path / "run"))
+    assert done.returncode == ExitCode.OK, done.stderr
+    run = read_run(tmp_path / "run")
+    assert run is not None
+    assert {"sensor", "ready", "admitted"} <= {event[0] for _, event in run.events}
+    assert run.state_sha256 == twin_digest(*settings, source="hardware")

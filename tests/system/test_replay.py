@@ -24,6 +24,7 @@ from plant_server.spool import read_spool
 from protocol.commands import Command
 from protocol.exit_codes import ExitCode
 from protocol.wiring import rig_of
+from tests.deploy.checker import check
 from tests.deploy.spools import SHORT
 from tests.system.rig import Process, Rig, decmesh, eventually, recorded_ticks, said
 
@@ -44,6 +45,7 @@ def test_s20_processes_and_twin_leave_the_same_recording_but_for_clocks_and_host
         done = decmesh("run", name, *settings(name), *mode, "--out", folder, "--json")
         assert done.returncode == ExitCode.OK, done.stderr
         digests.add(json.loads(done.stdout)["logical_sha256"])
+        check(read_spool_of(Path(folder)))
         replay = decmesh("replay", folder)
         assert replay.stdout.startswith("identical: "), replay.stderr
     assert len(digests) == 1
@@ -101,6 +103,7 @@ class Vandal:
                 ["heal", []],
                 ["push", chance.randrange(3), chance.uniform(-10.0, 10.0), 30],
                 ["reference", chance.randrange(3), chance.uniform(-0.02, 0.02)],
+                ["sensor", chance.randrange(3), "encoder", "garbage", 0.0, 20],
             )
         )
 
@@ -162,6 +165,7 @@ def test_a_robot_that_was_poked_from_outside_at_random_replays(
     assert seen >= {"admitted", "push", "energy_lost_j"}
     assert seen & {"gone", "gone_midway"}
     assert first_difference(recorded, lambda _tick: None) is None
+    check(recorded)
 
 
 def test_what_a_killed_plant_has_recorded_is_recovered(
