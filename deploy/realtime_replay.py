@@ -1,7 +1,5 @@
 """A run in realtime, played again: the same boards, on exactly what they used.
 
-    python -m deploy.realtime_replay RUN_FOLDER
-
 Rule 1: the plant is played from its record: what happened in each tick, and the torque frames that
         were in force. It must come to the same states, to the bit, and it makes the observations.
 Rule 2: a board plays a period as soon as what it used is there: the observation, and the frames
@@ -14,13 +12,11 @@ A board that was killed takes the record of its last periods with it, a frame's 
 in them is taken from what its neighbours have told of it.
 """
 
-import sys
 from collections import deque
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from deploy.processes import SPOOL
+from deploy.replay import UnplayableError
 from module_agent.board import Actuation
 from module_agent.config import board_config
 from module_agent.realtime_board import RealtimeBoard
@@ -28,9 +24,16 @@ from plant_server.agenda import Agenda
 from plant_server.config import plant_config
 from plant_server.free_running import FreeRunning
 from plant_server.record import TickRecord
-from plant_server.spool import PLANT, Spool, read_spool
-from protocol.exit_codes import ExitCode
-from protocol.frames import NO_TICK, LinkFrame, Neighbour, Observation, TorqueFrame, decode
+from plant_server.spool import PLANT, Spool
+from protocol.frames import (
+    NO_TICK,
+    LinkFrame,
+    Neighbour,
+    Observation,
+    ProtocolError,
+    TorqueFrame,
+    decode,
+)
 from protocol.scenario import resolved, run_id
 from protocol.trace import Lived, Trace, decode_told
 from protocol.wiring import neighbours
@@ -57,7 +60,7 @@ class Replayed(NamedTuple):
     """What came of a replay."""
 
     ticks: int
-    """Of the plant."""
+    """Of the plant, warm-up included."""
     periods: int
     """Of all boards."""
     torques: int
@@ -68,30 +71,38 @@ class Replayed(NamedTuple):
     """What did not come out as it was recorded, the first of each kind."""
 
 
-def replay(spool: Spool) -> Replayed:
-    """Play a recorded run again and compare. Raises ValueError for one in lockstep."""
+def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) -> Replayed:
+    """Play a recorded run again and compare; `on_tick` is told how far it is, in ticks.
+
+    Raises ValueError for a run in lockstep, or `UnplayableError`.
+    """
     scenario = resolved(spool.scenario)
-    if plant_config(scenario.values).cadence is None:
+    if not spool.in_realtime:
         raise ValueError("this run is one in lockstep")
     plant = _PlantReplay(spool.scenario, _run_id(spool) or run_id(scenario.digest))
-    for record in spool.ticks:
-        plant.play(record)
     lives: dict[Life, deque[Lived]] = {}
     words: Words = {}
-    for board, payload in spool.realtime:
-        told = None if board == PLANT else decode_told(payload)
-        if isinstance(told, Trace):
-            lives.setdefault(Life(board, told.incarnation), deque()).extend(told.lived)
-        elif told is not None:
-            frame = decode(LinkFrame, told.frame)
-            words[Life(told.sender, frame.incarnation), frame.tick, board] = told.frame
-    boards = [
-        _BoardReplay(spool.scenario, plant, life, lived, words) for life, lived in lives.items()
-    ]
     said: Said = {}
-    while sum(one.play(said) for one in boards):
-        pass  # One that has played may have said what another one waits for.
-    torques, differences = _compare(plant, said)
+    try:
+        for record in spool.ticks:
+            plant.play(record)
+            on_tick(record.tick // 2)  # Boards are the other half of the work.
+        for board, payload in spool.realtime:
+            told = None if board == PLANT else decode_told(payload)
+            if isinstance(told, Trace):
+                lives.setdefault(Life(board, told.incarnation), deque()).extend(told.lived)
+            elif told is not None:
+                frame = decode(LinkFrame, told.frame)
+                words[Life(told.sender, frame.incarnation), frame.tick, board] = told.frame
+        boards = [
+            _BoardReplay(spool.scenario, plant, life, lived, words) for life, lived in lives.items()
+        ]
+        half = spool.ticks[-1].tick // 2
+        while sum(one.play(said) for one in boards):  # What one has said another may wait for.
+            on_tick(half + half * sum(one.played for one in boards) // sum(map(len, boards)))
+        torques, differences = _compare(plant, said)
+    except (AssertionError, LookupError, ProtocolError, TypeError, ValueError) as error:
+        raise UnplayableError(f"a turn cannot have been as it is recorded: {error}") from error
     return Replayed(
         ticks=len(spool.ticks),
         periods=sum(one.played for one in boards),
@@ -163,6 +174,10 @@ class _BoardReplay:
         self._roster: tuple[Neighbour, ...] = ()
         self._taken = [NO_TICK] * len(config.neighbours)
         self._words = words
+
+    def __len__(self) -> int:
+        """How many turns it is to play, and has played."""
+        return self.played + len(self.lived)
 
     def play(self, said: Said) -> bool:
         """Play as far as what was used is there; tell whether that was any way."""
@@ -237,25 +252,3 @@ def _compare(plant: _PlantReplay, said: Said) -> tuple[int, list[str]]:
 
 def _uncounted(payload: bytes) -> TorqueFrame:
     return decode(TorqueFrame, payload)._replace(counter=0, counted=0)
-
-
-def main() -> int:
-    """Replay the run in a folder, say what came of it, and return an exit code."""
-    (folder,) = sys.argv[1:] or (".",)
-    try:
-        found = replay(read_spool(Path(folder) / SPOOL))
-    except (OSError, ValueError) as error:
-        print(error, file=sys.stderr)
-        return ExitCode.BAD_INPUT
-    print(f"{found.ticks} ticks of the plant, {found.periods} periods of boards played again")
-    if found.unplayed:
-        print(f"{found.unplayed} periods could not be: what was heard in them is not recorded")
-    for difference in found.differences:
-        print(difference)
-    if not found.differences:
-        print(f"{found.torques} torque frames are the same to the bit")
-    return ExitCode.FAILED if found.differences else ExitCode.OK
-
-
-if __name__ == "__main__":
-    sys.exit(main())

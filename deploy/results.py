@@ -15,8 +15,8 @@ from deploy import figures
 from deploy.logical_digest import logical_sha256
 from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
-from deploy.realtime_summary import realtime_summary
 from deploy.realtime_table import realtime_table
+from deploy.realtime_times import realtime_times
 from deploy.recording_files import MCAP, read_spool_of
 from deploy.run import SUMMARY
 from deploy.summary import Mode, Summary, summary, write_summary
@@ -48,8 +48,8 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
     spool = read_spool(folder / SPOOL)
     if spool.outcome is None or spool.outcome.tick <= 0:
         return None
-    run, realtime = recorded_trajectory(spool), realtime_summary(spool)
-    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool), realtime=realtime)
+    run, times = recorded_trajectory(spool), realtime_times(spool)
+    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool), realtime=times)
     write_summary(folder / SUMMARY, values)
     return Concluded(spool, run, values, (folder / SUMMARY,))
 

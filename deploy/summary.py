@@ -37,10 +37,10 @@ import numpy as np
 
 from deploy.foot_margin import foot_margin
 from deploy.indices import all_indices, elections, energy
-from deploy.realtime_summary import realtime_elections
+from deploy.realtime_summary import realtime_summary
+from deploy.realtime_times import RealtimeTimes
 from deploy.trajectory import Trajectory
 from plant_server.facts import versions
-from protocol.cadence import cadence_of
 
 Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
@@ -51,13 +51,11 @@ def summary(
     *,
     mode: Mode,
     logical_sha256: str | None = None,
-    realtime: dict[str, Any] | None = None,
+    realtime: RealtimeTimes | None = None,
 ) -> Summary:
     """Sum up a run; the page above lists the keys. The digest is that of its recording."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    in_realtime = cadence_of(scenario) is not None
-    agreed = realtime_elections(trajectory) if in_realtime else elections(trajectory)
-    foot = foot_margin(trajectory)
+    agreed, foot = elections(trajectory), foot_margin(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
@@ -73,7 +71,7 @@ def summary(
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
-        "realtime": realtime,
+        "realtime": None if realtime is None else realtime_summary(realtime, trajectory.joints),
         "faults": [
             {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)

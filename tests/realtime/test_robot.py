@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deploy.indices import elections
 from deploy.realtime_replay import Replayed, replay
-from deploy.realtime_summary import realtime_elections, realtime_summary, traces
+from deploy.realtime_summary import realtime_summary
 from deploy.realtime_table import verdict
+from deploy.realtime_times import realtime_times, turns
 from deploy.scenario import load
 from deploy.trajectory import Trajectory, trajectory
 from deploy.twin import run_twin
@@ -39,9 +41,9 @@ def arrays(spool: Spool) -> Trajectory:
 
 
 def summed_up(spool: Spool) -> dict[str, Any]:
-    found = realtime_summary(spool)
-    assert found is not None
-    return found
+    times = realtime_times(spool)
+    assert times is not None
+    return realtime_summary(times, arrays(spool).joints)
 
 
 def test_on_a_quiet_host_it_moves_as_in_lockstep() -> None:
@@ -72,7 +74,7 @@ def test_boards_may_differ_in_their_rates() -> None:
 @pytest.mark.parametrize("host", ["quiet", "drifting"])
 def test_every_epoch_elects_exactly_one(host: str) -> None:
     """Also with clocks that drift apart by a thousandth: epochs are the plant's."""
-    found = realtime_elections(arrays(played(host)))
+    found = elections(arrays(played(host)))
     assert found is not None
     assert (found.epochs, found.enabled_1) == (10, 10)
     assert found.rounds_to_agreement["never"] == 0
@@ -106,7 +108,7 @@ def test_every_deadline_is_accounted_for(missed: str) -> None:
         assert 0.0 < board["missed_share"] < 0.5
         assert (board["skipped"] == 0) == (missed == "catch-up")
         assert board["late"] > 0
-    for ticks in traces(spool):
+    for ticks in turns(spool):
         slots = [tick.slot for tick in ticks]
         assert all(b > a for a, b in pairwise(slots))
         assert (slots == list(range(slots[0], slots[-1] + 1))) == (missed == "catch-up")
@@ -158,7 +160,7 @@ def test_what_was_used_is_used_again() -> None:
         assert found.differences == ()
         assert found.unplayed == 0
         assert found.ticks == len(spool.ticks)
-        assert found.periods == sum(map(len, traces(spool)))
+        assert found.periods == sum(map(len, turns(spool)))
         assert found.torques > 1000
 
 
