@@ -1,5 +1,6 @@
 """The plant in realtime: nobody is waited for, the latest torque counts, and not for ever."""
 
+from math import radians
 from typing import Any
 
 import pytest
@@ -8,6 +9,7 @@ from deploy.scenario import load
 from plant_server.config import plant_config
 from plant_server.free_running import FreeRunning
 from plant_server.record import TickRecord
+from protocol.clocks import ClockSheet
 from protocol.frames import NO_EPOCH, LinkUse, Observation, Reason, TorqueFrame, decode, encode
 from protocol.states import State
 from protocol.trace import Lived, Mark, Taken, TraceWriter
@@ -193,3 +195,20 @@ def test_what_boards_tell_of_their_time_is_counted() -> None:
     other.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
     assert not plant.lived(0, other.flush() or b"")
     assert set(plant.refused) == {Reason.CORRUPT, Reason.RUN}
+
+
+def test_the_plant_makes_up_no_clock_for_boards_that_have_one() -> None:
+    """Start-up takes its ticks as in lockstep; readings are as old as they are."""
+    settings = ("board.1.clock.skew_ppm=-500", "board.1.clock.start_up_ms=30")
+    clocks = made(*settings).config.clock_sheets
+    assert clocks[1] == ClockSheet(start_up_ticks=30)
+
+
+def test_motors_sensors_and_passive_joints_are_as_in_lockstep() -> None:
+    plant = released(made("board.0.actuator.lag_ms=10", "board.0.sensors.encoder_offset_deg=1"))
+    plant.answer(0, torque(0, 0, 5.0))
+    assert 0.0 < play(plant)[1].torques_nm[0] < 5.0
+    while plant.tick % 2:
+        play(plant)
+    (told,) = [decode(Observation, payload) for board, payload in plant.open() if board == 0]
+    assert told.joint_rad == plant.body.angles_rad[0] + radians(1.0)

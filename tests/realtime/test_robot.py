@@ -231,3 +231,48 @@ def test_links_fail_and_boards_come_and_go(tmp_path: Path) -> None:
     assert (boards.state[800:, 2] > State.SYNCING).all(), "somebody does again"
     assert State.RECKONING in boards.state[250:400, 0], "the ankle is cut off"
     assert abs(boards.controlled_rad[-1, 2]) < 0.2
+
+
+def test_hardware_is_played_again_too(tmp_path: Path) -> None:
+    """Broken sensors, slow motors, a foot that tips, a board that takes its time to start."""
+    path = tmp_path / "hardware.toml"
+    path.write_text(
+        """
+        extends = "short-foot"
+        [run]
+        mode = "realtime"
+        duration_s = 1.5
+        [[event]]
+        at_s = 0.3
+        do = "sensor"
+        joint = "hip"
+        sensor = "imu"
+        fault = "garbage"
+        duration_s = 0.05
+        [[event]]
+        at_s = 0.5
+        do = "push"
+        segment = "trunk"
+        force_n = -150.0
+        duration_s = 0.1
+        [[event]]
+        at_s = 0.7
+        do = "unplug"
+        joint = "knee"
+        [[event]]
+        at_s = 0.8
+        do = "plug"
+        joint = "knee"
+        """,
+        encoding="utf-8",
+    )
+    settings = ["board.1.clock.start_up_ms=100", "board.0.actuator.lag_ms=5"]
+    settings += ["board.2.sensors.encoder_bits=12", "unattended.how=braked"]
+    spool = RealtimeRobot(load(str(path), settings), QUIET).spool()
+    happened = [(record.tick, event) for record in spool.ticks for event in record.events]
+    what = {event[0] for _, event in happened}
+    assert {"sensor", "tipping", "plug", "ready", "admitted"} <= what
+    (ready,) = [tick for tick, event in happened if event[0] == "ready"]
+    assert ready == 900
+    found = replay(spool)
+    assert (found.differences, found.unplayed) == ((), 0)

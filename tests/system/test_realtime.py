@@ -19,10 +19,12 @@ from typing import Any
 import pytest
 
 from deploy.realtime_replay import replay
+from deploy.realtime_times import turns
 from deploy.results import read_run
 from plant_server.pace import SLIP_S
 from plant_server.spool import PLANT, read_spool
 from protocol.exit_codes import ExitCode
+from protocol.trace import Lived
 from tests.system.rig import Rig, children_of, decmesh, eventually, said, twin_digest
 
 HEAVY = [f"board.{board}.link.inertia_kg_m2=1e5" for board in range(3)]
@@ -123,6 +125,25 @@ def test_started_by_hand_in_an_odd_order(make_rig: Callable[..., Rig], tmp_path:
     assert [process.wait(30) for process in (plant, *others, hip)] == [0, 0, 0, 0]
     spool = read_spool(tmp_path / "run.spool")
     assert {board for board, _ in spool.realtime} == {0, 1, 2, PLANT}
+    assert replay(spool).differences == ()
+
+
+def periods_per_slot(own: list[Lived]) -> float:
+    """Own periods that go by, on the board's own clock, while the plant's ticks fill one."""
+    due_us = [turn.woke_us - turn.late_us for turn in own]
+    return (due_us[-1] - due_us[0]) / 10_000 / (own[-1].slot - own[0].slot)
+
+
+def test_a_clock_that_is_fast_runs_fast(tmp_path: Path) -> None:
+    """By a hundredth, against one that is slow by as much, whatever the plant's pace was."""
+    folder = tmp_path / "run"
+    skews = ["board.0.clock.skew_ppm=10000", "board.2.clock.skew_ppm=-10000"]
+    settings = [*SLOW, "run.duration_s=3", *skews]
+    done = decmesh("run", "paper", *options(*settings), "--out", str(folder))
+    assert done.returncode == ExitCode.OK, done.stderr
+    spool = read_spool(folder / "run.spool")
+    ankle, _knee, hip = map(periods_per_slot, turns(spool))
+    assert ankle / hip == pytest.approx(1.02, abs=0.008)
     assert replay(spool).differences == ()
 
 
