@@ -37,7 +37,8 @@ class BoardTimes:
     skipped: Integers
     """Periods left out before each turn, (K,)."""
     period_ms: Floats
-    """From one turn to the next; shorter by one for each turn that made up for a missed one."""
+    """From one turn to the next of the same incarnation; turns that made up for missed ones begin
+    at once, and are not in it."""
     wake_late_ms: Floats
     """From when the turn was due, or the first period skipped for it, (K,)."""
     busy_ms: Floats
@@ -99,14 +100,14 @@ class Clock:
         return self.woke_ms(lived) + lived.busy_us / US_PER_MS
 
 
-def turns(spool: Spool) -> list[list[Lived]]:
-    """What each board lived through, in order, from the ground up; all incarnations in one."""
-    found: list[list[Lived]] = [[] for _ in spool.scenario["board"]]
+def turns(spool: Spool) -> list[list[list[Lived]]]:
+    """What each board lived through, from the ground up: in order, a list for each incarnation."""
+    found: list[dict[int, list[Lived]]] = [{} for _ in spool.scenario["board"]]
     for board, payload in spool.realtime:
         told = None if board == PLANT else decode_told(payload)
         if isinstance(told, Trace):
-            found[board] += told.lived
-    return found
+            found[board].setdefault(told.incarnation, []).extend(told.lived)
+    return [list(lives.values()) for lives in found]
 
 
 def realtime_times(spool: Spool) -> RealtimeTimes | None:
@@ -114,7 +115,11 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
     cadence = cadence_of(spool.scenario)
     if cadence is None:
         return None
-    lived = [[turn for turn in own if turn.slot >= 0] for own in turns(spool)]
+    lives = [
+        [[turn for turn in life if turn.slot >= 0] for life in of_board]
+        for of_board in turns(spool)
+    ]
+    lived = [[turn for life in of_board for turn in life] for of_board in lives]
     tick_ms = spool.scenario["run"]["tick_s"] * 1e3
     clocks = [Clock(tick_ms, ticks) for ticks in cadence.ticks_per_period]
     said_ms = [
@@ -129,6 +134,7 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
         boards=[
             BoardTimes(
                 **_loop(lived[board], clocks[board]),
+                period_ms=_periods_ms(lives[board]),
                 neighbour_age_ms={
                     other: _neighbour_ages_ms(lived[board], link, clocks[board], said_ms[other])
                     for link, other in enumerate(neighbours(board, len(lived)))
@@ -149,21 +155,25 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
 
 def _loop(lived: Sequence[Lived], clock: Clock) -> dict[str, Any]:
     """What follows from a board's own turns."""
-    woke_us = np.array([turn.woke_us for turn in lived], np.float64)
-    between_us = np.diff(woke_us)
     period_ms = clock.ticks_per_period * clock.tick_ms
     return {
         "rate_hz": 1e3 / period_ms,
         "due_s": np.array([turn.slot * period_ms / 1e3 for turn in lived], np.float64),
         "late": np.array([bool(turn.marks & Mark.LATE) for turn in lived], np.bool_),
         "skipped": np.array([turn.skipped for turn in lived], np.int64),
-        "period_ms": between_us[between_us > 0.0] / US_PER_MS,
         "wake_late_ms": np.array([turn.late_us for turn in lived], np.float64) / US_PER_MS,
         "busy_ms": np.array([turn.busy_us for turn in lived], np.float64) / US_PER_MS,
         "observation_age_ms": _ages(
             clock.woke_ms(turn) - turn.seen_tick * clock.tick_ms for turn in lived
         ),
     }
+
+
+def _periods_ms(lives: Sequence[Sequence[Lived]]) -> Floats:
+    """From one turn to the next of the same incarnation; turns made up for begin at once."""
+    found = [np.diff(np.array([turn.woke_us for turn in life], np.float64)) for life in lives]
+    between_us: Floats = np.concatenate([*found, np.empty(0)])
+    return between_us[between_us > 0.0] / US_PER_MS
 
 
 def _decisions_ms(

@@ -1,15 +1,16 @@
 """Commands that run robots: `decmesh paper`, `decmesh run`."""
 
+import json
 from argparse import ArgumentTypeError
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from deploy import run as runs
-from deploy.processes import SPOOL, RunFailedError, Watch
+from deploy.processes import SCENARIO, SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from deploy.results import Concluded
 
 RECOVER = "decmesh recover {} makes run.mcap of what was recorded"
+KEPT = "what was recorded is in {}; decmesh replay and decmesh report read it"
 
 
 def _checked_time(text: str | None) -> str | None:
@@ -168,17 +170,17 @@ def _conclude(folder: Path, code: int, *, twin: bool) -> "Concluded":
     try:
         concluded = results.conclude(folder, "twin" if twin else "processes")
     except OSError as error:
-        line = f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}"
+        line = f"cannot write to {folder}: {error.strerror}; {_remedy(folder)}"
         raise RunFailedError(ExitCode.NO_OUTPUT, line) from error
     if concluded is None:
         ended = code in (ExitCode.OK, ExitCode.FELL)  # Else nobody was left to say how.
-        line = f"the recording does not say how the run ended; {RECOVER.format(folder)}"
+        line = f"the recording does not say how the run ended; {_remedy(folder)}"
         raise RunFailedError(ExitCode.NO_OUTPUT if ended else ExitCode.PEER_LOST, line)
     try:
         with _keeping(folder), ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
             return results.keep(concluded, folder, on_tick)
     except OSError as error:
-        _tell(f"cannot write run.mcap: {error.strerror}; {RECOVER.format(folder)}")
+        _tell(f"cannot write run.mcap: {error.strerror}; {_remedy(folder)}")
     return concluded
 
 
@@ -189,8 +191,16 @@ def _keeping(folder: Path) -> Iterator[None]:
         yield
     except StoppedError:
         if (folder / SPOOL).exists():
-            _tell(RECOVER.format(folder))
+            _tell(_remedy(folder))
         raise
+
+
+def _remedy(folder: Path) -> str:
+    """What can be made of a run that was cut off."""
+    with suppress(OSError, ValueError):
+        if "realtime" in json.loads((folder / SCENARIO).read_bytes()):
+            return KEPT.format(folder)
+    return RECOVER.format(folder)
 
 
 def _tell(line: str) -> None:

@@ -58,7 +58,7 @@ def _troubles(board: dict[str, Any]) -> Iterator[str]:
 
 def _deadlines(boards: list[dict[str, Any]], tick_s: float) -> Table:
     """How boards in realtime keep their time."""
-    table = Table("board", "rate", "missed", "woke late (ms)", "torque age (ms)", box=None)
+    table = Table("board", "rate", "missed", "woke late at worst (ms)", "torque age (ms)", box=None)
     for board in boards:
         age_ticks = board["torque_age_ticks"]
         age = "-" if age_ticks is None else f"{age_ticks * tick_s * 1e3:g}"

@@ -20,6 +20,9 @@ from protocol.trace import Taken
 
 STALE_PERIODS = 64
 """What was said longer ago is of no use to anybody: a backlog."""
+BEFORE_PERIODS_MAX = 63
+"""Of what is taken in one period, all was said within so many of the sender's: a trace has no room
+for more (`Taken.before`)."""
 FRAMES_MAX = 4
 """The newest ones of a neighbour; it says no more in a period unless it is faster, or storms."""
 KEPT_MAX = 32
@@ -85,20 +88,26 @@ class Mailbox(Hearing):
             arrived for _, arrived in sorted(frames.items()) if self._is_current(arrived, tick)
         ]
         self.taken = self.taken._replace(before=0)
-        for arrived in current:
-            self.kept.append(arrived.payload)
-            self._meet_fate(arrived, tick)
         if current:
             newest = current[-1].frame.tick
-            period = self._sender_ticks_per_period
-            ages = [(newest - arrived.frame.tick) // period for arrived in current[:-1]]
-            self.taken = Taken(newest, sum(1 << (age - 1) for age in ages))
+            ages = {self._age(arrived, newest): arrived for arrived in current}
+            used = {age: arrived for age, arrived in ages.items() if age <= BEFORE_PERIODS_MAX}
+            if len(used) < len(ages):
+                self.refused[Reason.TICK] += len(ages) - len(used)
+            self.taken = Taken(newest, sum(1 << (age - 1) for age in used if age))
+            for arrived in used.values():
+                self.kept.append(arrived.payload)
+                self._meet_fate(arrived, tick)
         due = [frame for slot in sorted(self._late) if slot <= tick for frame in self._late[slot]]
         for slot in [slot for slot in self._late if slot <= tick]:
             del self._late[slot]
         heard = [self._use(frame, tick) for frame in due if frame.tick > self.newest_tick]
         self.heard_mask = int(bool(heard))
         return heard
+
+    def _age(self, arrived: Arrived, newest_tick: int) -> int:
+        """How many of its sender's periods before the newest one a frame was said."""
+        return (newest_tick - arrived.frame.tick) // self._sender_ticks_per_period
 
     def _check(self, frame: LinkFrame) -> None:
         super()._check(frame)

@@ -78,7 +78,7 @@ class Strain:
             return
         if self._computing_ns >= self.period_ns:
             why = (
-                f"a turn takes {self._computing_ns * MS:.1f} ms of computing,"
+                f"a turn takes up to {self._computing_ns * MS:.1f} ms of computing,"
                 f" its period is {self.period_ns * MS:g} ms; choose a lower rate_hz"
             )
         else:

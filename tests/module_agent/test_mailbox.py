@@ -9,7 +9,7 @@ from module_agent.link_model import LinkModel
 from module_agent.mailbox import FRAMES_MAX, STALE_PERIODS, Mailbox
 from protocol.commands import PERFECT, LinkParameters
 from protocol.frames import NO_EPOCH, NO_TICK, LinkFrame, Neighbour, Reason, encode
-from protocol.trace import Taken
+from protocol.trace import Lived, Taken, TraceWriter, decode_trace
 
 RUN = 2**31 + 7
 OWN, SENDERS = 2, 4
@@ -21,7 +21,7 @@ THERE = Neighbour(1, NO_TICK, 0)
 def mailbox(parameters: LinkParameters = PERFECT, **changes: Any) -> Mailbox:
     link = LinkModel(seed=1, sender=1, receiver=0, standing=parameters)
     settings = {"ticks_per_period": OWN, "sender_ticks_per_period": SENDERS, **changes}
-    return Mailbox(link, run_id=RUN, boards=3, ahead_ticks_max=AHEAD, **settings)
+    return Mailbox(link, run_id=RUN, boards=3, **{"ahead_ticks_max": AHEAD, **settings})
 
 
 def frame(tick: int, **changes: Any) -> bytes:
@@ -170,3 +170,19 @@ def test_the_warm_up_knows_no_faults() -> None:
     box = mailbox(LinkParameters(cut=1.0))
     box.put(frame(-8))
     assert heard(box, -3) == [-8]
+
+
+@pytest.mark.parametrize("apart", [1, 63, 64, 500, 3000])
+def test_what_is_far_apart_is_not_taken_together(apart: int) -> None:
+    """On a host that is far too slow a neighbour can be far ahead; the trace has to hold it."""
+    box = mailbox(ahead_ticks_max=10**5)
+    for tick in (0, apart * SENDERS):
+        box.put(frame(tick))
+    together = apart <= 63
+    assert heard(box, 5) == [0, apart * SENDERS][not together :]
+    assert box.refused[Reason.TICK] == (not together)
+    writer = TraceWriter(run_id=RUN, incarnation=1, links=1)
+    writer.add(Lived(5, 0, 0, 0, 0, 0, 0, 0, (box.taken,)))
+    payload = writer.flush()
+    assert payload is not None
+    assert decode_trace(payload).lived[0].taken == (box.taken,)

@@ -36,7 +36,7 @@ def test_a_line_says_how_many_how_late_and_why() -> None:
 def test_a_turn_that_computes_for_too_long_has_itself_to_blame() -> None:
     (_, line), *_ = told(2, 1, computing_ns=2_300_000)
     assert line.endswith(
-        "a turn takes 2.3 ms of computing, its period is 2 ms; choose a lower rate_hz"
+        "a turn takes up to 2.3 ms of computing, its period is 2 ms; choose a lower rate_hz"
     )
 
 

@@ -142,7 +142,7 @@ def test_a_clock_that_is_fast_runs_fast(tmp_path: Path) -> None:
     done = decmesh("run", "paper", *options(*settings), "--out", str(folder))
     assert done.returncode == ExitCode.OK, done.stderr
     spool = read_spool(folder / "run.spool")
-    ankle, _knee, hip = map(periods_per_slot, turns(spool))
+    ankle, _knee, hip = (periods_per_slot(life) for (life,) in turns(spool))
     assert ankle / hip == pytest.approx(1.02, abs=0.008)
     assert replay(spool).differences == ()
 
@@ -221,6 +221,7 @@ def test_commands_deaths_and_a_frozen_board(launched: Launched) -> None:
     _, errors = run.launcher.communicate(timeout=30)
     assert run.launcher.returncode == ExitCode.STOPPED
     assert "Traceback" not in errors
+    assert "decmesh replay and decmesh report read it" in errors
     spool = read_spool(run.folder / "run.spool")
     gone = [event[1] for record in spool.ticks for event in record.events if event[0] == "gone"]
     assert {0, 1, 2} <= set(gone)
