@@ -104,6 +104,6 @@ def _explain(error: Any) -> None:
     """Say in one line what is wrong with what was typed, and where to read on."""
     context = getattr(error, "ctx", None)
     command = "decmesh" if context is None else context.command_path
-    line = error.format_message()
+    line = " ".join(error.format_message().replace("Value error, ", "").split())
     if line:
         print(f"{command}: {line.rstrip('.')}; see {command} --help", file=sys.stderr)

@@ -92,8 +92,10 @@ def read_mcap(path: Path, *, whole: bool = True) -> Spool:
             raise
         except DAMAGE as error:
             if whole or not reading.ticks:
-                hint = "decmesh recover reads what comes before that"
-                raise NoRecordingError(f"it is damaged or cut off; {hint}") from error
+                left = "decmesh recover reads what" if reading.ticks else "nothing of the run"
+                raise NoRecordingError(
+                    f"it is damaged or cut off; {left} comes before that"
+                ) from error
             return reading.spool()._replace(complete=False)
     if reading.metadata is None:
         raise NoRecordingError("it is an MCAP file, but not of decmesh")

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self
 
+from deploy.cores import place
 from deploy.failure import FailedError
 from protocol.exit_codes import ExitCode
 from protocol.scenario import ResolvedScenario, canonical
@@ -61,6 +62,7 @@ class Processes:
         self.children: dict[str, subprocess.Popen[str]] = {}
         self._readers: list[threading.Thread] = []
         self._under_way = False
+        self._roles = ("plant", *scenario.joints)
 
     def __enter__(self) -> Self:
         (self.folder / SCENARIO).write_bytes(canonical(self.scenario.values))
@@ -120,6 +122,7 @@ class Processes:
             env={"ZENOH_RUNTIME": RUNTIME_THREADS, **os.environ},
             start_new_session=True,  # A Ctrl-C is for the launcher; it stops its children.
         )
+        place(child.pid, self._roles.index(name), len(self._roles))
         self.children[name] = child
         assert child.stdout is not None
         assert child.stderr is not None

@@ -1,29 +1,26 @@
 """Commands on recordings: replay, recover, export."""
 
-import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from deploy.failure import FailedError
 from deploy.progress import ticks_shown
+from deploy.terminal import JsonOption, err, print_files, print_json, say, writing
 from protocol.exit_codes import ExitCode
 from protocol.fingerprint import fingerprint
 
 if TYPE_CHECKING:
     from plant_server.spool import Spool
 
-err = Console(stderr=True)
-
 RecordingArgument = Annotated[
     Path, typer.Argument(metavar="RECORDING", help="A run's folder, its run.mcap, or a spool.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="Folder to write to; default: beside the recording.")
+]
 
 
 class Format(StrEnum):
@@ -51,7 +48,7 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     spool = read_spool_of(file)
     here, there = fingerprint(), spool.facts.get("fingerprint")
     if here != there:
-        _tell(f"recorded where numbers are rounded otherwise: fingerprint {there}, here {here}")
+        say(f"recorded where numbers are rounded otherwise: fingerprint {there}, here {here}")
     if spool.in_realtime:
         _replay_realtime(spool, as_json=as_json, same_arithmetic=here == there)
         return
@@ -68,7 +65,7 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
             "same_arithmetic": here == there,
             "difference": difference and difference.facts,
         }
-        print(json.dumps(facts, indent=2))
+        print_json(facts)
     elif difference is None:
         print(f"identical: {_ticks(spool)}")
     else:
@@ -98,7 +95,7 @@ def _replay_realtime(spool: "Spool", *, as_json: bool, same_arithmetic: bool) ->
             "unplayed_turns": found.unplayed,
             "differences": found.differences,
         }
-        print(json.dumps(facts, indent=2))
+        print_json(facts)
     else:
         for difference in found.differences:
             print(difference)
@@ -111,7 +108,9 @@ def _replay_realtime(spool: "Spool", *, as_json: bool, same_arithmetic: bool) ->
         raise typer.Exit(ExitCode.FAILED)
 
 
-def recover(recording: RecordingArgument, as_json: JsonOption = False) -> None:
+def recover(
+    recording: RecordingArgument, out_folder: OutOption = None, as_json: JsonOption = False
+) -> None:
     """Make run.mcap of what there is of a run that was cut off.
 
     Example: decmesh recover runs/storm-20260101-120000
@@ -120,13 +119,13 @@ def recover(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     from deploy.recording_files import read_spool_of  # noqa: PLC0415 - as above
     from deploy.recovery import places, rescue  # noqa: PLC0415 - as above
 
-    source, target = places(recording)
+    source, target = places(recording, out_folder)
     spool = read_spool_of(source, whole=False)
-    with ticks_shown(err, "recover", spool.scenario) as on_tick, _writing(target):
+    with ticks_shown(err, "recover", spool.scenario) as on_tick, writing(target):
         rescue(spool, target, on_tick)
     if as_json:
-        facts = {"file": str(target), "ticks": spool.ticks[-1].tick + 1, "complete": spool.complete}
-        print(json.dumps({**facts, "logical_sha256": logical_sha256(spool)}, indent=2))
+        facts = {"file": target, "ticks": spool.ticks[-1].tick + 1, "complete": spool.complete}
+        print_json({**facts, "logical_sha256": logical_sha256(spool)})
     else:
         print(f"{target}: {_ticks(spool)}")
 
@@ -134,9 +133,7 @@ def recover(recording: RecordingArgument, as_json: JsonOption = False) -> None:
 def export(
     recording: RecordingArgument,
     to: Annotated[Format, typer.Option("--to", help="Which kind of files.")],
-    out_folder: Annotated[
-        Path | None, typer.Option("--out", help="Folder for them; default: beside the recording.")
-    ] = None,
+    out_folder: OutOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write ticks, epochs and events as tables, for an analysis of your own.
@@ -151,31 +148,17 @@ def export(
 
     found = read_recording(recording)
     folder = out_folder or recording_file(recording).parent
-    with _writing(folder):
+    with writing(folder):
         files = write_tables(tables(found), folder, to.value)
     if as_json:
-        print(json.dumps({"files": [str(path) for path in files]}, indent=2))
+        print_json({"files": files})
     else:
-        for path in files:
-            print(path)
+        print_files(files)
 
 
 def _ticks(spool: "Spool") -> str:
     unfinished = "" if spool.complete else "; the recording is incomplete"
     return f"{spool.ticks[-1].tick + 1} ticks{unfinished}"
-
-
-@contextmanager
-def _writing(place: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        line = f"cannot write {place}: {error.strerror}"
-        raise FailedError(ExitCode.NO_OUTPUT, line) from error
-
-
-def _tell(line: str) -> None:
-    err.print(line, highlight=False, soft_wrap=True)
 
 
 ALL = (replay, recover, export)

@@ -19,12 +19,13 @@ RECOVERED_ENDING = ".recovered.mcap"
 """A damaged file is not written over."""
 
 
-def places(path: Path) -> tuple[Path, Path]:
-    """What to recover, and where to: beside it. Raises `UnreadableError`."""
+def places(path: Path, folder: Path | None = None) -> tuple[Path, Path]:
+    """What to recover, and where to: a folder, or beside it. Raises `UnreadableError`."""
     spool = path / SPOOL
     source = spool if spool.exists() else recording_file(path)
     damaged = source.suffix == ENDING
-    return source, source.with_suffix(RECOVERED_ENDING if damaged else ENDING)
+    target = source.with_suffix(RECOVERED_ENDING if damaged else ENDING)
+    return source, target if folder is None else folder / target.name
 
 
 def rescue(spool: Spool, target: Path, on_tick: Callable[[int], None]) -> None:
@@ -34,6 +35,7 @@ def rescue(spool: Spool, target: Path, on_tick: Callable[[int], None]) -> None:
             "a run in realtime has no run.mcap: its run.spool is its recording, also when it was"
             " cut off; decmesh replay, report and export read it"
         )
+    target.parent.mkdir(parents=True, exist_ok=True)
     try:
         write_mcap(spool, recorded_trajectory(spool), target, on_tick)
     except (UnplayableError, ProtocolError, OverflowError) as error:

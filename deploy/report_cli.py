@@ -6,9 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy import run as places
-from deploy.failure import FailedError
-from deploy.terminal import JsonOption, err, out, print_files, print_json
-from protocol.exit_codes import ExitCode
+from deploy.terminal import JsonOption, err, print_dim, print_files, print_json, writing
 
 
 def report(
@@ -41,17 +39,13 @@ def report(
     with err.status("reading and drawing ..."):
         composed = compose(read_runs(runs), epoch)
         folder = _folder(runs, out_folder)
-        try:
+        with writing(folder):
             page, *pictures = write(*composed, folder)
-        except OSError as error:
-            line = f"cannot write to {folder}: {error.strerror}; choose another --out"
-            raise FailedError(ExitCode.NO_OUTPUT, line) from error
     if as_json:
         print_json({"report": page, "figures": pictures})
         return
     print_files([page])
-    beside = f"{len(pictures)} picture files in {pictures[0].parent}"
-    out.print(f"[dim]{beside}[/dim]", soft_wrap=True, highlight=False)
+    print_dim(f"{len(pictures)} picture files in {pictures[0].parent}")
 
 
 def _folder(runs: list[Path], out_folder: Path | None) -> Path:

@@ -1,7 +1,8 @@
 """What happened to a robot: as lanes of a timeline, and in words.
 
-Rule 1: faults of links are what the commands made of them, tick by tick; joints without a board are
-        what the boards' answers say. Nothing is taken from the scenario's plan but its start.
+Rule 1: faults of links are what the commands made of them, tick by tick; what boards do, or that
+        there is none, is what their answers say. Nothing is taken from the scenario's plan but its
+        start.
 Rule 2: an event that this file does not know is told as it is recorded.
 """
 
@@ -14,8 +15,10 @@ from typing import Any, NamedTuple
 from deploy.drawing import spans
 from deploy.trajectory import Trajectory
 from plant_server.config import plant_config
+from plant_server.record import COMPLETE
 from protocol.commands import PERFECT, TICKS, LinkParameters, changed, concerns
-from protocol.states import State
+from protocol.sensors import OK
+from protocol.states import FaultCode, State
 
 ALL_LINKS, PUSHED, APART, REFERENCE = "all links", "pushed", "cut apart", "reference"
 Pair = tuple[int, int]
@@ -28,10 +31,21 @@ class Kind(StrEnum):
     FAULTS = "faults"
     AWAY = "no board"
     SYNCING = "filling its delay line"
+    SAFE = "sensors say nothing plausible"
+    FAULT = "fault"
     PUSH = "push"
     APART = "cut apart"
     MOMENT = "moment"
     """At one tick: it ends when it begins."""
+
+
+STATES = {
+    Kind.AWAY: 0,
+    Kind.SYNCING: State.SYNCING,
+    Kind.SAFE: State.SAFE,
+    Kind.FAULT: State.FAULT,
+}
+"""In which a board does not drive."""
 
 
 class Span(NamedTuple):
@@ -62,13 +76,20 @@ def timeline(trajectory: Trajectory) -> list[Span]:
 
 
 def told(trajectory: Trajectory) -> list[Happening]:
-    """Every event in words, but for the boards that were there from the start."""
+    """Every event in words, but for the boards that were there from the start.
+
+    Before them what was bad from the start, after them how it ended if it did not complete.
+    """
     tell = _Words(trajectory.scenario)
-    return [
+    happened = [Happening(0, words) for words in tell.standing()]
+    happened += [
         Happening(tick, tell.event(event))
         for tick, event in trajectory.events
         if tick >= 0 or event[0] != "admitted"
     ]
+    if trajectory.ending != COMPLETE:
+        happened.append(Happening(trajectory.ticks, f"the run ended: {trajectory.ending}"))
+    return happened
 
 
 def _link_spans(trajectory: Trajectory) -> Iterator[Span]:
@@ -118,10 +139,26 @@ def _lanes(bad: Sequence[Pair], joints: Sequence[str]) -> dict[str, int]:
 
 
 def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
+    """While a board did not drive, or there was none; a fault with its code."""
     for board, joint in enumerate(_joints(trajectory.scenario)):
-        for kind, state in ((Kind.AWAY, 0), (Kind.SYNCING, State.SYNCING)):
-            for first, end in spans(trajectory.state[:, board] == state):
-                yield Span(joint, first, end, kind, kind)
+        found = [
+            Span(joint, first, end, kind, kind)
+            for kind, state in STATES.items()
+            for first, end in spans(trajectory.state[:, board] == state)
+            if first > 0 or kind is not Kind.SYNCING  # In realtime what was said in warm-up holds.
+        ]
+        why = dict(_failures(trajectory, board))
+        for span in sorted(found, key=lambda span: span.first_tick):
+            since = [tick for tick in why if tick <= span.first_tick]
+            known = span.kind is Kind.FAULT and since
+            yield span._replace(label=why[since[-1]]) if known else span
+
+
+def _failures(trajectory: Trajectory, board: int) -> Iterator[tuple[int, str]]:
+    for tick, event in trajectory.events:
+        match event:
+            case ["fault", int(whose), int(code), *_] if whose == board:
+                yield tick, f"fault {code}: {_title_of(code)}"
 
 
 def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
@@ -153,6 +190,15 @@ class _Words:
         self.joints = _joints(scenario)
         self.segments: list[str] = scenario["link_names"]
         self.tick_s: float = scenario["run"]["tick_s"]
+        self.links = plant_config(scenario).standing_links
+
+    def standing(self) -> Iterator[str]:
+        """What the scenario has for bad links from the start, a clause for each kind of bad."""
+        for parameters in dict.fromkeys(self.links.values()):
+            bad = [pair for pair in _pairs(len(self.joints)) if self.links.get(pair) == parameters]
+            named = [] if len(bad) == len(_pairs(len(self.joints))) else bad
+            words = _faults_in_words(parameters._asdict(), self.tick_s)
+            yield f"{self._links(named)}, from the start: {words}"
 
     def event(self, event: list[Any]) -> str:
         """One event as a clause."""
@@ -197,15 +243,20 @@ def _about_a_board(what: str, rest: list[Any]) -> str:
             words = f"command {what}"
         case "ready", []:
             words = "has started up"
-        case "sensor", [sensor, "ok", _amount, _ticks]:
-            words = f"sensor {sensor} is whole again"
         case "sensor", [sensor, fault, _amount, _ticks]:
-            words = f"sensor {sensor} is {fault}"
+            words = f"sensor {sensor} is {'whole again' if fault == OK else fault}"
+        case "fault", [int(code), str(text)]:
+            words = f"fault {code} ({_title_of(code)}): {'; '.join(text.splitlines())}"
         case "reference", [float(rad)]:
             words = f"reference {math.degrees(rad):g}°"
         case _:
             words = " ".join(map(str, [what, *rest]))
     return words
+
+
+def _title_of(code: int) -> str:
+    titles = {int(known): known.title for known in FaultCode}
+    return titles.get(code, "of another version")
 
 
 def _faults_in_words(faults: dict[str, float], tick_s: float) -> str:

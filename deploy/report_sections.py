@@ -10,6 +10,7 @@ import numpy as np
 
 from deploy import figures, table
 from deploy.failure import FailedError
+from deploy.report_foot import foot
 from deploy.report_page import Block, Figure, Section, Table
 from deploy.report_runs import Pictures, Run, remarks, titled
 from deploy.report_spacetime import Scene, spacetime, telling_epoch
@@ -23,7 +24,7 @@ NOBODY_ELECTED = "All boards move all the time: nobody is elected."
 
 
 def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
-    """The paper's three panels and its table."""
+    """The paper's three panels and its table, and the foot of bodies that have one."""
     motions = [(run.label if len(runs) > 1 else "", run.recording.trajectory) for run in runs]
     strip = any(run.epochs is not None for run in runs)
     panels = Figure(
@@ -34,7 +35,7 @@ def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
         [pictures.draw("motion", partial(figures.stacked, motions, strip=strip))],
         wide=True,
     )
-    return Section("motion", "Motion", [panels, _indices(runs)])
+    return Section("motion", "Motion", [panels, _indices(runs), *foot(runs, pictures)])
 
 
 def _indices(runs: Sequence[Run]) -> Table:
@@ -142,14 +143,15 @@ def happenings(runs: Sequence[Run]) -> Section:
             blocks.append(
                 Table(
                     titled("What happened", run, runs),
-                    "Commands, boards that came and went, and verdicts of the plant, each with the"
-                    " tick from which it holds; the timeline under the elections draws them.",
+                    "Commands, boards that came, went and failed, and verdicts of the plant, each"
+                    " with the tick from which it holds; the timeline under the elections draws"
+                    " them.",
                     ["time (s)", "tick", "what"],
                     rows,
                     texts=frozenset({2}),
                     folded=len(rows) > FOLDED_FROM,
                 )
             )
-    quiet = "Nothing was done to the robot, and no board came or went."
+    quiet = "Nothing was done to the robot, and no board came, went or failed."
     blocks += remarks(runs, [run for run in runs if not run.told], quiet)
     return Section("happenings", "Faults and commands", blocks)

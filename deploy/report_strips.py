@@ -134,7 +134,9 @@ def _draw_enabled(axes: Axes, run: Strips) -> None:
         colour = board_colour(board, len(joints))
         axes.broken_barh(bars, (board - 0.38, 0.76), facecolors=colour, linewidth=0)
         gone = _bars(trajectory.state[:, board] == 0, tick_s)
-        axes.broken_barh(gone, (board - 0.38, 0.76), linewidth=0.0, **LOOKS[Kind.AWAY])
+        hatched = axes.broken_barh(gone, (board - 0.38, 0.76), linewidth=0.0, **LOOKS[Kind.AWAY])
+        if gone:
+            hatched.set_label("no board")
     top, names = len(joints), [*joints]
     if run.epochs is not None:
         names.append("not one")
@@ -148,13 +150,13 @@ def _draw_enabled(axes: Axes, run: Strips) -> None:
                 markerfacecolor="white" if marker == "o" else INK,
                 markeredgecolor=INK,
                 markeredgewidth=0.7,
-                label=f"{label} enabled: {int(wrong.sum())} epochs",
+                label=f"{label} enabled: {int(wrong.sum())} of {len(wrong)} epochs",
                 clip_on=False,
             )
         axes.legend(
             loc="lower right",
             bbox_to_anchor=(1.0, 1.0),
-            ncols=2,
+            ncols=3,
             borderaxespad=0.1,
             columnspacing=1.2,
             handletextpad=0.4,
@@ -237,7 +239,7 @@ def _draw_missed(axes: Axes, run: Strips, shared_end_s: float) -> None:
     axes.set_xlim(0.0, shared_end_s)
     _name_rows(axes, [f"{joints[sender]} → {joints[receiver]}" for sender, receiver in pairs])
     axes.set_ylim(-0.5, len(pairs) - 0.5)
-    _title(axes, "Frames lost on their way: white none, black all")
+    _title(axes, "Frames lost on their way: light none, black all, white nobody there")
 
 
 def _bars(true: NDArray[np.bool_], tick_s: float) -> list[tuple[float, float]]:

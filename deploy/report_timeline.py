@@ -2,7 +2,9 @@
 
 Rule 1: a label is written where it has room, cut short where it has little, left out where it has
         none: the table of happenings has them all.
-Rule 2: kinds differ in lightness and hatching, not in colour alone; colours are no board's.
+Rule 2: a delay line that is filled in no time has no label: it would be taken for that of the gap
+        before it.
+Rule 3: kinds differ in lightness and hatching, not in colour alone; colours are no board's.
 """
 
 from collections.abc import Sequence
@@ -23,10 +25,12 @@ LOOKS: dict[Kind, dict[str, Any]] = {
     Kind.FAULTS: {"facecolor": "#ddcc77", "edgecolor": "none"},
     Kind.AWAY: {"facecolor": "white", "edgecolor": "0.55", "hatch": "/////"},
     Kind.SYNCING: {"facecolor": "0.8", "edgecolor": "0.55"},
+    Kind.SAFE: {"facecolor": "#ddaa99", "edgecolor": "none"},
+    Kind.FAULT: {"facecolor": "#993322", "edgecolor": "none"},
     Kind.PUSH: {"facecolor": "#882255", "edgecolor": "none"},
     Kind.APART: {"facecolor": "#bbbbbb", "edgecolor": "none"},
 }
-ON_DARK = {Kind.CUT, Kind.PUSH}
+ON_DARK = {Kind.CUT, Kind.PUSH, Kind.FAULT}
 
 
 def lanes_of(happened: Sequence[Span]) -> list[str]:
@@ -41,13 +45,21 @@ def draw_timeline(
     letter_s = LETTER_IN * end_s / width_in
     for row, lane in enumerate(reversed(lanes_of(happened))):
         spans = [span for span in happened if span.lane == lane]
-        for span, after in zip(spans, [*spans[1:], None], strict=True):
+        for span in spans:
             start_s, length_s = span.first_tick * tick_s, _ticks(span) * tick_s
             if span.kind is Kind.MOMENT:
                 axes.plot([start_s], [row], "D", color=INK, markersize=2.6, clip_on=False)
             else:
                 drawn_s = max(length_s, 0.2 * letter_s)
                 axes.barh(row, drawn_s, 0.7, start_s, linewidth=0.3, **LOOKS[span.kind])
+        labelled = [
+            span
+            for span in spans
+            if span.kind is not Kind.SYNCING or _ticks(span) * tick_s > letter_s
+        ]
+        afters = [*labelled[1:], None][: len(labelled)]
+        for span, after in zip(labelled, afters, strict=True):
+            start_s, length_s = span.first_tick * tick_s, _ticks(span) * tick_s
             next_s = end_s if after is None else after.first_tick * tick_s
             within = int(length_s / letter_s) - 1
             behind = int((next_s - start_s - length_s) / letter_s) - 1

@@ -33,6 +33,8 @@ MEANINGS = {
     " without it",
     Fate.PENDING: "the recording ends before it was due",
 }
+ALWAYS_COUNTED = {Fate.HEARD, Fate.LATE, Fate.LOST}
+"""Also where no frame has come to that."""
 NO_SHARED_CLOCK = (
     "No one-way times: the processes do not read one clock, as far as they say, so what a frame"
     " took from one to another cannot be told from their stamps."
@@ -109,7 +111,8 @@ def _way_figures(
 
 
 def _links_table(runs: Sequence[Run], linked: Sequence[Run]) -> Table:
-    used = [fate for fate in FATES if any(link.fates[fate] for run in linked for link in run.links)]
+    found = {fate for run in linked for link in run.links for fate in FATES if link.fates[fate]}
+    used = [fate for fate in FATES if fate in found | ALWAYS_COUNTED]
     rows = [
         (
             run,

@@ -1,10 +1,11 @@
 """From a run's spool to its results. Imports numpy, so it is imported when the run is over.
 
 Rule: the spool goes when `run.mcap` is whole, and not before. Whatever comes in between, a full
-disk or Ctrl-C, what was recorded is there, and `decmesh recover` makes the file of it.
+disk or Ctrl-C, what was recorded is there, and `decmesh recover` makes the file of it. The spool of
+a run whose recording was cut off stays as well: it may hold more than could be read.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -26,13 +27,11 @@ from plant_server.spool import Spool, read_spool
 
 
 class Concluded(NamedTuple):
-    """A run that is over."""
+    """A run that is over, as far as it was recorded."""
 
     spool: Spool
     trajectory: Trajectory
     summary: Summary
-    files: tuple[Path, ...]
-    """What was made of it, but for figures."""
 
 
 def read_run(folder: Path) -> Trajectory | None:
@@ -44,28 +43,33 @@ def read_run(folder: Path) -> Trajectory | None:
 
 
 def conclude(folder: Path, mode: Mode) -> Concluded | None:
-    """Write `summary.json` for a run; None if there is nothing to sum up. Raises OSError."""
-    spool = read_spool(folder / SPOOL)
-    if spool.outcome is None or spool.outcome.tick <= 0:
+    """Sum up what was recorded of a run; None if there is nothing to sum up."""
+    try:
+        spool = read_spool(folder / SPOOL)
+    except (OSError, ValueError):  # Not even its beginning was written.
         return None
-    run, times = recorded_trajectory(spool), realtime_times(spool)
-    values = summary(run, mode=mode, logical_sha256=logical_sha256(spool), realtime=times)
-    write_summary(folder / SUMMARY, values)
-    return Concluded(spool, run, values, (folder / SUMMARY,))
+    run = recorded_trajectory(spool) if spool.ticks else None
+    if run is None or not run.ticks:
+        return None
+    digest, times = logical_sha256(spool), realtime_times(spool)
+    return Concluded(spool, run, summary(run, mode=mode, logical_sha256=digest, realtime=times))
 
 
-def keep(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Concluded:
-    """Make `run.mcap` of a run's spool, which then goes. Raises OSError, and the spool stays.
+def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
+    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError.
 
-    The recording of a run in realtime is its spool.
+    The recording of a run in realtime is its spool, and stays.
     """
+    write_summary(folder / SUMMARY, concluded.summary)
+    yield folder / SUMMARY
     if concluded.spool.in_realtime:
-        return concluded._replace(files=(*concluded.files, folder / SPOOL))
-    path = folder / MCAP
-    write_mcap(concluded.spool, concluded.trajectory, path, on_tick)
-    with suppress(OSError):  # It does no harm if it stays.
-        (folder / SPOOL).unlink()
-    return concluded._replace(files=(*concluded.files, path))
+        yield folder / SPOOL
+        return
+    write_mcap(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
+    if concluded.spool.complete:
+        with suppress(OSError):  # It does no harm if it stays.
+            (folder / SPOOL).unlink()
+    yield folder / MCAP
 
 
 def table(runs: Sequence[Summary]) -> Group:

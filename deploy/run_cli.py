@@ -2,10 +2,10 @@
 
 import json
 from argparse import ArgumentTypeError
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -14,16 +14,16 @@ from deploy.processes import SCENARIO, SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
-from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json
+from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json, say
 from protocol.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError
+from protocol.process import StoppedError, stop_on_signals
 from protocol.scenario import ResolvedScenario
 
 if TYPE_CHECKING:
     from deploy.results import Concluded
 
-RECOVER = "decmesh recover {} makes run.mcap of what was recorded"
+RECOVER = "decmesh recover {} makes run.mcap of what was recorded, also in another --out"
 KEPT = "what was recorded is in {}; decmesh replay and decmesh report read it"
 
 
@@ -81,23 +81,21 @@ def paper(
     ]
     folder = runs.new_folder(out_folder, "paper")
     parts = [runs.new_folder(folder / name, name) for name in ("original", "distributed")]
-    codes = [
+    original, distributed = (
         _run(scenario, part, twin=twin, label=part.name)
         for scenario, part in zip(scenarios, parts, strict=True)
-    ]
+    )
     from deploy import results  # noqa: PLC0415 - numpy and matplotlib, needed only now
 
-    original, distributed = (
-        _conclude(part, code, twin=twin) for part, code in zip(parts, codes, strict=True)
-    )
-    files = results.paper_figures(original.trajectory, distributed.trajectory, folder)
-    summaries = {"original": original.summary, "distributed": distributed.summary}
+    first, second = original.concluded, distributed.concluded
+    files = results.paper_figures(first.trajectory, second.trajectory, folder)
+    summaries = {"original": first.summary, "distributed": second.summary}
     if as_json:
         print_json({**summaries, "files": files})
     else:
         out.print(results.table(list(summaries.values())))
         print_files(files)
-    raise typer.Exit(max(codes))
+    raise typer.Exit(max(original.code, distributed.code))
 
 
 def run(
@@ -126,16 +124,23 @@ def run(
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
     options += [] if pace is None else ["--pace", str(pace)]
-    code = _run(resolved, folder, twin=twin, label=name, plant_options=options)
-    concluded = _conclude(folder, code, twin=twin)
+    ran = _run(resolved, folder, twin=twin, label=name, plant_options=options)
     if as_json:
-        print_json(concluded.summary)
+        print_json(ran.concluded.summary)
     else:
         from deploy import results  # noqa: PLC0415 - as above
 
-        out.print(results.table([concluded.summary]))
-        print_files(concluded.files)
-    raise typer.Exit(code)
+        out.print(results.table([ran.concluded.summary]))
+        print_files(ran.files)
+    raise typer.Exit(ran.code)
+
+
+class _Ran(NamedTuple):
+    """A run that is over, and what was made of it."""
+
+    code: int
+    concluded: "Concluded"
+    files: list[Path]
 
 
 def _check_clock(*, in_realtime: bool, twin: bool, pace: float | None) -> None:
@@ -152,47 +157,56 @@ def _run(
     twin: bool,
     label: str,
     plant_options: Sequence[str] = (),
-) -> int:
-    """Run with a progress bar; return the exit code of a run that came to an end of its own."""
-    with ticks_shown(err, label, scenario.values) as on_tick:
-        watch = Watch(on_tick, _tell)
-        with _keeping(folder):
-            return runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
+) -> _Ran:
+    """Run with a progress bar, and make `summary.json` and `run.mcap` of what was recorded.
 
-
-def _conclude(folder: Path, code: int, *, twin: bool) -> "Concluded":
-    """Sum up a run that ended with a code, and make its `run.mcap`.
-
-    That this file cannot be made is worth a line, and no more.
+    Also of a run that is stopped; then raises `StoppedError`.
     """
-    from deploy import results  # noqa: PLC0415 - as above
-
-    try:
-        concluded = results.conclude(folder, "twin" if twin else "processes")
-    except OSError as error:
-        line = f"cannot write to {folder}: {error.strerror}; {_remedy(folder)}"
-        raise RunFailedError(ExitCode.NO_OUTPUT, line) from error
+    with ticks_shown(err, label, scenario.values) as on_tick:
+        watch = Watch(on_tick, say)
+        try:
+            code = runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
+        except StoppedError:
+            code = ExitCode.STOPPED
+            stop_on_signals()  # What is made of it can be stopped as well.
+    concluded, files = _conclude(folder, twin=twin)
+    if code == ExitCode.STOPPED:
+        for path in files:
+            say(f"{path}: the run until then")
+        raise StoppedError
+    code = code if code >= 0 else ExitCode.PEER_LOST
+    ended = code in (ExitCode.OK, ExitCode.FELL)
     if concluded is None:
-        ended = code in (ExitCode.OK, ExitCode.FELL)  # Else nobody was left to say how.
-        line = f"the recording does not say how the run ended; {_remedy(folder)}"
-        raise RunFailedError(ExitCode.NO_OUTPUT if ended else ExitCode.PEER_LOST, line)
+        line = "nothing of the run was recorded"
+        raise RunFailedError(ExitCode.NO_OUTPUT if ended else code, line)
+    if ended and not (files and concluded.spool.complete):
+        code = ExitCode.NO_OUTPUT
+    if not ended and not concluded.spool.complete:
+        say(f"the plant died; recorded are {concluded.trajectory.ticks:,} ticks of the run")
+    return _Ran(code, concluded, files)
+
+
+def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path]]":
+    """Sum up a run, and write its files. That one cannot be written is worth a line, and no more.
+
+    None: there is nothing to sum up.
+    """
+    concluded: Concluded | None = None
+    files: list[Path] = []
     try:
-        with _keeping(folder), ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
-            return results.keep(concluded, folder, on_tick)
+        from deploy import results  # noqa: PLC0415 - numpy and matplotlib, needed only now
+
+        concluded = results.conclude(folder, "twin" if twin else "processes")
+        if concluded is not None:
+            with ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
+                files.extend(results.write(concluded, folder, on_tick))
     except OSError as error:
-        _tell(f"cannot write run.mcap: {error.strerror}; {_remedy(folder)}")
-    return concluded
-
-
-@contextmanager
-def _keeping(folder: Path) -> Iterator[None]:
-    """Say what can be made of a run that is stopped in the middle."""
-    try:
-        yield
+        say(f"cannot write to {folder}: {error.strerror}; {_remedy(folder)}")
     except StoppedError:
         if (folder / SPOOL).exists():
-            _tell(_remedy(folder))
+            say(_remedy(folder))
         raise
+    return concluded, files
 
 
 def _remedy(folder: Path) -> str:
@@ -201,10 +215,6 @@ def _remedy(folder: Path) -> str:
         if "realtime" in json.loads((folder / SCENARIO).read_bytes()):
             return KEPT.format(folder)
     return RECOVER.format(folder)
-
-
-def _tell(line: str) -> None:
-    err.print(line, highlight=False, soft_wrap=True)
 
 
 ALL = (paper, run)

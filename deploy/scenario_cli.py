@@ -59,7 +59,8 @@ def check(
         print_json({"scenario": scenario, "fine": True, **about, "mistakes": []})
     else:
         joints = ", ".join(found.joints)
-        out.print(f"{scenario}: fine; boards {joints}; digest {found.digest.hex()[:12]}")
+        line = f"{scenario}: fine; boards {joints}; digest {found.digest.hex()[:12]}"
+        out.print(line, markup=False)
 
 
 ALL = (scenarios, check)

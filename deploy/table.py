@@ -90,7 +90,7 @@ EXPLANATIONS = {
     "links with less than half the inertia of slender rods chatter at a delay of 10 ms.",
 }
 """Why a figure of the paper's own experiment is not met, per index."""
-ELSEWHERE = "Off, but this is not the paper's experiment, or not the whole of it."
+ELSEWHERE = "Off, but this is not the whole of the paper's experiment."
 
 
 class Run(NamedTuple):
@@ -110,7 +110,7 @@ class Note(NamedTuple):
 def performance_table(original: Summary | None, distributed: Summary | None) -> Table:
     """Table II with the paper's value beside ours, for either controller or both."""
     runs = _runs(original, distributed)
-    letters, compared = letters_of(runs), any(_is_papers_body(run) for run in runs)
+    letters, compared = letters_of(runs), any(_is_papers(run) for run in runs)
     table = Table(box=box.SIMPLE_HEAD, title="Dynamic performance", title_style="bold")
     table.add_column("Variable", no_wrap=True)
     table.add_column("Index", no_wrap=True)
@@ -137,7 +137,7 @@ def notes(original: Summary | None, distributed: Summary | None) -> list[Note]:
 def notes_on(runs: Sequence[Run]) -> list[Note]:
     """The same for any runs."""
     found = [Note(MISSING, "Never reached; settling: still outside when the run ended.")]
-    if any(_is_papers_body(run) for run in runs):
+    if any(_is_papers(run) for run in runs):
         found.append(Note(MET, "Within 10 % or 0.05 s of the paper."))
     reasons = {
         letter: EXPLANATIONS[key] if _all_papers(runs) else ELSEWHERE
@@ -193,8 +193,10 @@ def _runs(original: Summary | None, distributed: Summary | None) -> list[Run]:
     ]
 
 
-def _is_papers_body(run: Run) -> bool:
-    return {name for name, _ in PAPER if name} <= set(run.summary["indices"])
+def _is_papers(run: Run) -> bool:
+    """Whether this is the paper's scenario, perhaps with other values."""
+    same = run.summary["scenario"] == PAPER_SCENARIO
+    return same and {name for name, _ in PAPER if name} <= set(run.summary["indices"])
 
 
 def _all_papers(runs: Sequence[Run]) -> bool:
@@ -222,7 +224,7 @@ def value_of(name: str, key: str, run: Run) -> float | None:
 
 
 def _published(name: str, key: str, run: Run) -> float | None:
-    printed = PAPER.get((name, key)) if _is_papers_body(run) else None
+    printed = PAPER.get((name, key)) if _is_papers(run) else None
     return None if printed is None else printed[run.column]
 
 

@@ -48,7 +48,27 @@ def print_table(table: Table) -> None:
 def print_files(paths: Iterable[Path]) -> None:
     """Print where results are, a line each."""
     for path in paths:
-        out.print(f"[dim]{path}[/dim]", soft_wrap=True, highlight=False)
+        print_dim(str(path))
+
+
+def print_dim(line: str) -> None:
+    """Print a line of lesser weight, to the letter: brackets are no markup."""
+    out.print(line, style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def say(line: str) -> None:
+    """Say a line on the way to a result."""
+    err.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def writing(place: Path) -> Iterator[None]:
+    """Make one line of it when what a user named cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        line = f"cannot write to {place}: {error.strerror}; choose another --out"
+        raise FailedError(ExitCode.NO_OUTPUT, line) from error
 
 
 def tell(
@@ -75,7 +95,7 @@ def tell(
             if isinstance(one, Table):
                 print_table(one)
             else:
-                out.print(one, style="dim", highlight=False, soft_wrap=True)
+                print_dim(one)
         print_files(files)
     if trouble is not None:
         line = f"cannot write {trouble.filename or 'the files'}: {trouble.strerror}"

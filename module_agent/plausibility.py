@@ -137,8 +137,8 @@ class Angle:
         return verdict
 
     def restart(self) -> None:
-        """Judge anew from the last reading on: what was off before does not count any more."""
-        self._off_rad = 0.0
+        """Judge anew from the last reading on, wherever that is: none before it counts any more."""
+        self._off_rad, self._ticks = 0.0, NEVER_TICKS
 
     def skip(self) -> None:
         """Compare the next reading with none: readings are missing before it."""

@@ -165,7 +165,7 @@ def read_spool(path: Path) -> Spool:
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
-        raise ValueError(f"{path} holds no complete chunk of a run")
+        raise ValueError("it holds no complete chunk of a run")
     complete = outcome is not None
     return Spool(scenario, facts, ticks, walls, timings, outcome, complete, tuple(realtime))
 

@@ -53,7 +53,7 @@ def main() -> None:
     """Run a program of decmesh, and write down what it took."""
     folder, role, module = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
     place = Place.read(folder)
-    knobs.turn(place.options, role)
+    knobs.turn(place.options, role, 1 + place.boards)
     _set_transport(place)
     marks = Marks(role) if place.options.get("marks") else None
     watch = Watch(place)

@@ -44,6 +44,11 @@ class Rig(NamedTuple):
         return [sys.executable, "-m", *(about if self.instrumented else []), module, *words]
 
 
+def as_run(options: dict[str, Any] | None) -> dict[str, Any]:
+    """What `decmesh run` does with processes, unless something else is to be measured."""
+    return {"cores": "in-turn", **(options or {})}
+
+
 @contextmanager
 def rig(
     scenario: ResolvedScenario,
@@ -59,7 +64,7 @@ def rig(
         Children(Path(name)) as children,
     ):
         port: int = placed.values["rig"]["base_port"]
-        place = Place(Path(name), port, len(placed.joints), warm_up, ticks, options or {})
+        place = Place(Path(name), port, len(placed.joints), warm_up, ticks, as_run(options))
         place.write()
         (place.folder / "scenario.json").write_bytes(canonical(placed.values))
         yield Rig(place, placed, children, instrumented=ticks > 0)

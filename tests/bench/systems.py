@@ -48,7 +48,10 @@ class System(NamedTuple):
 
 AS_IT_COMES = System("bare Zenoh as it comes", "bare_zenoh", "eclipse-zenoh")
 OUR_SETTINGS = System(
-    "bare Zenoh, our settings", "bare_zenoh", "eclipse-zenoh", options={"tuned": True}
+    "bare Zenoh, our settings",
+    "bare_zenoh",
+    "eclipse-zenoh",
+    options={"tuned": True, "cores": "in-turn"},
 )
 SYSTEMS = [
     System("Unix sockets", "unix_sockets"),

@@ -67,7 +67,6 @@ def test_cores_are_shared_out_as_a_layout_says() -> None:
 
     assert layout("one", [2, 5]) == [{2}] * 4
     assert layout("plant-apart", [2, 5]) == [{2}, {5}, {5}, {5}]
-    assert layout("in-turn", [2, 5]) == [{2}, {5}, {2}, {5}]
     assert layout("plant-apart", [2]) == [{2}] * 4
 
 

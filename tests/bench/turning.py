@@ -20,7 +20,7 @@ ONE_RUNTIME = (
 PROCESS: dict[str, dict[str, Any]] = {
     "all on one core": {"cores": "one"},
     "plant on one core, boards on the other": {"cores": "plant-apart"},
-    "roles on cores in turn": {"cores": "in-turn"},
+    "roles on any core": {"cores": "any"},
     "SCHED_BATCH": {"batch": True},
     "SCHED_BATCH, all on one core": {"batch": True, "cores": "one"},
     "SCHED_FIFO": {"realtime": True},
@@ -35,11 +35,6 @@ TRANSPORT: dict[str, dict[str, Any]] = {
     "one runtime, two threads, unixsock-stream": {
         "runtime": ONE_RUNTIME.format(2),
         "link": "unixsock-stream",
-    },
-    "one runtime, two threads, unixsock-stream, cores in turn": {
-        "runtime": ONE_RUNTIME.format(2),
-        "link": "unixsock-stream",
-        "cores": "in-turn",
     },
     "without lowlatency": {"lowlatency": False},
     "unixsock-stream": {"link": "unixsock-stream"},

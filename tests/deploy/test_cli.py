@@ -228,3 +228,13 @@ def test_a_folder_with_results_is_left_alone(tmp_path: Path) -> None:
     assert done.returncode == ExitCode.NO_OUTPUT
     assert done.stderr == f"{tmp_path} is not empty; choose another folder with --out\n"
     assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
+
+
+def test_a_run_of_one_tick_in_a_folder_with_brackets_is_a_run_as_any_other(tmp_path: Path) -> None:
+    folder = tmp_path / "one [red]tick"
+    words = ("paper", "--twin", "--set", "run.duration_s=0.001", "--out", str(folder))
+    done = decmesh("run", *words)
+    assert done.returncode == ExitCode.OK, done.stderr
+    files = [str(folder / name) for name in ("summary.json", "run.mcap")]
+    assert done.stdout.splitlines()[-2:] == files
+    assert decmesh("replay", str(folder)).stdout == "identical: 1 ticks\n"

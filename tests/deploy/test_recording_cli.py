@@ -222,6 +222,44 @@ def test_of_a_damaged_file_the_beginning_is_recovered(tmp_path: Path, whole: Pat
     assert not read_mcap(tmp_path / "run.recovered.mcap").complete
 
 
+def test_of_a_file_cut_before_its_first_tick_nothing_can_be_recovered(
+    tmp_path: Path, whole: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes((whole / "run.mcap").read_bytes()[:100])
+    for command in ("replay", "recover"):
+        with pytest.raises(UnreadableError, match="cut off; nothing of the run comes before that"):
+            typed(command, path)
+
+
+@pytest.mark.parametrize(
+    "words", [("recover",), ("export", "--to", "csv"), ("export", "--to", "npz")]
+)
+def test_a_place_that_cannot_be_written_is_one_line(
+    tmp_path: Path, whole: Path, words: tuple[str, ...]
+) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(FailedError, match=r"^cannot write to .*; choose another --out$") as caught:
+        typed(*words, whole, "--out", tmp_path / "file")
+    assert caught.value.code == ExitCode.NO_OUTPUT
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "decmesh export: Missing option '--to'. Choose from: csv, npz, parquet; see "),
+        (("--to", "xlsx"), "decmesh export: Invalid value for '--to': 'xlsx' is not one of "),
+    ],
+)
+def test_a_kind_of_file_that_there_is_none_of_is_one_line(
+    whole: Path, words: tuple[str, ...], said: str
+) -> None:
+    done = decmesh("export", str(whole), *words)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert done.stderr.startswith(said)
+    assert len(done.stderr.splitlines()) == 1
+
+
 def read_csv(path: Path) -> dict[str, list[str]]:
     with path.open(newline="", encoding="utf-8") as file:
         names, *rows = csv.reader(file)

@@ -6,18 +6,19 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from deploy import run as runs
 from deploy.failure import FailedError
 from deploy.processes import Watch
-from deploy.recording import Recording
+from deploy.recording import Fate, Recording
 from deploy.report import PICTURES, REPORT, compose, write
 from deploy.report_page import Figure, Page, Table
 from deploy.report_runs import Pictures, look_at
 from deploy.report_sections import motion, one_epoch
 from deploy.report_tables import NO_WALL_TIME
-from deploy.report_traffic import NO_SHARED_CLOCK
+from deploy.report_traffic import NO_SHARED_CLOCK, traffic
 from deploy.scenario import load
 from deploy.trajectory import Trajectory
 from protocol.exit_codes import ExitCode
@@ -114,6 +115,21 @@ def test_a_twin_says_that_it_has_no_wall_time(three: Page) -> None:
 def test_processes_without_a_shared_clock_say_why_no_way_is_timed(three: Page) -> None:
     assert f"run 1: {NO_SHARED_CLOCK}" in three.html()
     assert figures(three)["How long frames were on their way"] == ["run 2"]
+
+
+def test_heard_late_and_lost_are_counted_also_where_there_are_none() -> None:
+    of = recording(run("paper", "run.duration_s=0.3"))
+    links = {
+        pair: replace(link, fate=np.full_like(link.fate, Fate.CUT))
+        for pair, link in of.links.items()
+    }
+    blocks = traffic([look_at(replace(of, links=links), "run")], Pictures(several=False)).blocks
+    (counted,) = (
+        block
+        for block in blocks
+        if isinstance(block, Table) and block.title == "Frames of each directed link"
+    )
+    assert counted.header == ["link", "sent", "heard", "late", "lost", "cut", "bytes", "refused"]
 
 
 def test_a_recording_without_an_end_is_marked_on_top(three: Page) -> None:

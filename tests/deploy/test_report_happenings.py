@@ -6,6 +6,7 @@ import pytest
 
 from deploy.report_happenings import Kind, Span, timeline, told
 from deploy.trajectory import Trajectory
+from protocol.states import State
 from tests.deploy.recordings import run
 
 
@@ -56,6 +57,38 @@ def test_a_joint_without_a_board_and_the_sides_that_it_leaves() -> None:
     assert (apart.first_tick, apart.end_tick, apart.label) == (2000, 4000, "ankle | hip")
 
 
+def test_a_board_that_failed_says_with_which_code() -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    state = trajectory.state.copy()
+    state[100:200, 2], state[200:300, 2], state[300:310, 2] = State.FAULT, 0, State.SYNCING
+    state[400:, 2] = State.FAULT
+    state[50:60, 1] = State.SAFE
+    events: list[tuple[int, list[Any]]] = [
+        (100, ["fault", 2, 2, "no torque: nan"]),
+        (400, ["fault", 2, 3, "ValueError: no idea"]),
+    ]
+    found = lanes(replace(trajectory, events=events, state=state))
+    assert [(span.first_tick, span.end_tick, span.label) for span in found["hip"]] == [
+        (100, 200, "fault 2: controller no torque"),
+        (200, 300, "no board"),
+        (300, 310, "filling its delay line"),
+        (400, 500, "fault 3: election raised"),
+    ]
+    assert found["knee"] == [Span("knee", 50, 60, Kind.SAFE, Kind.SAFE)]
+
+
+def test_what_is_bad_from_the_start_is_told_before_all_events() -> None:
+    assert told(run("lossy")) == [(0, "all links, from the start: loss 0.2")]
+    first, second, *_ = told(run("storm"))
+    assert first.words.startswith("all links, from the start: loss 0.1, ")
+    assert second == (800, "knee-hip: cut")
+
+
+def test_a_run_that_was_cut_short_says_how_it_ended() -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    assert told(replace(trajectory, ending="fell"))[-1] == (500, "the run ended: fell")
+
+
 def test_healing_ends_faults_for_good() -> None:
     trajectory = run("paper", "run.duration_s=0.5")
     events: list[tuple[int, list[Any]]] = [
@@ -94,6 +127,11 @@ def test_healing_ends_faults_for_good() -> None:
         (["tipping", True], "the foot begins to tip"),
         (["tipping", False], "the foot is flat again"),
         (["excused", 0, 1], "knee: goes on without a frame of ankle"),
+        (
+            ["fault", 1, 1, "ValueError: no idea\nmine.py:5 in torque_nm"],
+            "knee: fault 1 (controller raised): ValueError: no idea; mine.py:5 in torque_nm",
+        ),
+        (["fault", 1, 99, "odd"], "knee: fault 99 (of another version): odd"),
         (["invented", 1, 7], "knee: invented 7"),
         (["invented", "elsewhere"], '["invented", "elsewhere"]'),
     ],

@@ -58,6 +58,7 @@ def test_it_has_a_section_of_its_own_and_none_that_needs_a_barrier() -> None:
         "Elections, decisions in ms",
     } <= set(blocks(page))
     assert page.html()
+    assert not look_at(by_the_wall(), "run").happened, "nothing was done to it"
 
 
 def test_every_block_has_one_sentence_on_how_to_read_it() -> None:

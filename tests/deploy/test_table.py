@@ -118,3 +118,9 @@ def test_met_is_within_a_tenth_or_five_hundredths_of_a_second(
     key: str, ours: float | None, paper: float, met: bool
 ) -> None:
     assert meets(key, ours, paper) is met
+
+
+def test_another_scenario_is_not_compared_with_the_paper(distributed: Summary) -> None:
+    printed = text(None, {**distributed, "scenario": "storm"})
+    assert "paper" not in printed
+    assert "✓" not in printed

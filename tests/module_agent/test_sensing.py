@@ -113,6 +113,16 @@ def _fails(index: int, tick: int) -> Sensed:
     return (nan, *sensed[1:]) if broken else sensed
 
 
+@pytest.mark.parametrize("lie_rad", [3.0, -90.0])
+def test_a_board_whose_first_reading_was_a_lie_is_back_as_soon_as_any_other(lie_rad: float) -> None:
+    """It has nothing to compare it with. But what it gives up counts no more, however far off."""
+    sensing = hip()
+    sensing.read(seen(0, joint_rad=lie_rad))
+    ticks = HOLD_TICKS_MAX + 1 + BACK_TICKS
+    usable = [sensing.read(seen(tick)) == good(tick) for tick in range(1, ticks + 2)]
+    assert usable == [False] * ticks + [True]
+
+
 def test_a_board_without_sensors_lets_go_and_is_elected_again_when_they_are_back() -> None:
     """The others elect one of themselves meanwhile, from the next epoch on. The board drives again
     when its sensors have proved themselves and its delay line is full again."""

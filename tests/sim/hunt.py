@@ -4,9 +4,10 @@ find(seed)      plays it and returns what was seen, or the law that was broken
 """
 
 import hashlib
+from math import fabs
 from typing import NamedTuple
 
-from module_agent.sensing import BACK_TICKS
+from module_agent.sensing import BACK_TICKS, HOLD_TICKS_MAX
 from plant_server.record import TickRecord
 from protocol.frames import TorqueFrame, decode
 from protocol.states import State
@@ -15,6 +16,10 @@ from tests.sim.laws import Laws, law
 from tests.sim.plans import Plan, plan
 from tests.sim.robot import Robot
 
+SENSORS_BACK_TICKS = HOLD_TICKS_MAX + 1 + BACK_TICKS
+"""A sensor that is whole again may jump to the truth: it is not believed, and given up first."""
+FLAILS_RAD_S = 40.0
+"""Up to here `module_agent.plausibility` accuses no sensor that works."""
 DRAIN_TICKS_MAX = 1000
 """Within so many ticks all commands are carried out that a run can have left."""
 COMPARED_EVERY = 8
@@ -66,7 +71,7 @@ class Game:
         values, agreement = self.plan.scenario.values, self.laws.agreement
         lockstep = self.robot.lockstep
         delay_ticks = max(board["lumped_delay_ticks"] for board in values["board"])
-        full_tick = lockstep.tick + BACK_TICKS + delay_ticks
+        full_tick = lockstep.tick + SENSORS_BACK_TICKS + delay_ticks
         period_ticks = agreement.period_ticks
         begins_tick = -(-full_tick // period_ticks) * period_ticks
         latch_tick = begins_tick + agreement.rounds
@@ -77,7 +82,7 @@ class Game:
         while lockstep.tick <= last_tick and not lockstep.over:
             self._tick()
             tick = lockstep.tick - 1
-            if lockstep.over:
+            if lockstep.over or self._flails():
                 return
             if tick >= latch_tick:
                 enabled = [board for board, frame in self.said.items() if frame.enabled]
@@ -86,6 +91,10 @@ class Game:
                 states = {board: State(frame.state).name for board, frame in self.said.items()}
                 running = set(states.values()) == {"RUNNING"}
                 law(running and len(states) == lockstep.size, "all are running", states)
+
+    def _flails(self) -> bool:
+        """Whether a joint turns so fast that its sensors are accused though they work."""
+        return any(fabs(rate) > FLAILS_RAD_S for rate in self.robot.lockstep.body.rates_rad_s)
 
     def _tick(self) -> None:
         record = self.robot.tick()

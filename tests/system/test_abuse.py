@@ -53,6 +53,7 @@ def every_key(rig: Rig) -> list[str]:
         *(keys.torque(name, joint) for joint in joints),
         *(keys.stalled(name, joint) for joint in joints),
         *(keys.timing(name, joint) for joint in joints),
+        *(keys.fault(name, joint) for joint in joints),
         *(keys.link(name, a, b) for a in joints for b in joints if a != b),
         keys.end(name),
     ]

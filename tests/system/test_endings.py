@@ -1,5 +1,6 @@
 """However a run ends, every process is gone within 2 s, no port is left, and one line says why."""
 
+import json
 import os
 import signal
 import subprocess
@@ -12,6 +13,8 @@ import pytest
 
 from deploy import rigs
 from deploy.results import read_run
+from deploy.trajectory import CUT_OFF
+from plant_server.record import STOPPED
 from plant_server.spool import read_spool
 from protocol.exit_codes import ExitCode
 from protocol.frames import TorqueFrame, decode
@@ -82,6 +85,32 @@ def test_a_signal_ends_it(launched: Launched, number: signal.Signals) -> None:
     assert "Traceback" not in errors
     check_all_gone(launched)
     assert not any(str(launched.folder) in file.read_text() for file in rigs.folder().iterdir())
+
+
+def test_of_a_run_that_is_stopped_there_is_everything_until_then(launched: Launched) -> None:
+    launched.launcher.send_signal(signal.SIGINT)
+    _, errors = launched.launcher.communicate(timeout=30)
+    summary_file, mcap = (launched.folder / name for name in ("summary.json", "run.mcap"))
+    told = [f"{file}: the run until then" for file in (summary_file, mcap)]
+    assert errors.splitlines()[-3:] == [*told, "stopped"]
+    assert not (launched.folder / "run.spool").exists()
+    summary = json.loads(summary_file.read_text())
+    assert summary["ending"] == STOPPED
+    replayed = decmesh("replay", str(mcap))
+    assert replayed.stdout == f"identical: {summary['ticks']} ticks\n"
+
+
+def test_a_killed_plant_leaves_what_it_had_recorded(launched: Launched) -> None:
+    os.kill(launched.child("plant_server"), signal.SIGKILL)
+    _, errors = launched.launcher.communicate(timeout=30)
+    summary = json.loads((launched.folder / "summary.json").read_text())
+    assert summary["ending"] == CUT_OFF
+    told = f"the plant died; recorded are {summary['ticks']:,} ticks of the run"
+    assert errors.splitlines()[-1] == told
+    assert (launched.folder / "run.spool").exists(), "it may hold more than could be read"
+    replayed = decmesh("replay", str(launched.folder / "run.mcap"))
+    assert replayed.stdout.endswith("; the recording is incomplete\n")
+    assert replayed.returncode == ExitCode.OK
 
 
 def test_two_signals_end_it_no_worse(launched: Launched) -> None:

@@ -221,7 +221,7 @@ def test_commands_deaths_and_a_frozen_board(launched: Launched) -> None:
     _, errors = run.launcher.communicate(timeout=30)
     assert run.launcher.returncode == ExitCode.STOPPED
     assert "Traceback" not in errors
-    assert "decmesh replay and decmesh report read it" in errors
+    assert "run.spool: the run until then" in errors
     spool = read_spool(run.folder / "run.spool")
     gone = [event[1] for record in spool.ticks for event in record.events if event[0] == "gone"]
     assert {0, 1, 2} <= set(gone)

@@ -2,12 +2,13 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -19,6 +20,7 @@ from deploy.live import LiveError, Terminal
 from deploy.mcap_file import read_mcap
 from deploy.recording import read_recording
 from deploy.recording_files import read_spool_of
+from deploy.trajectory import CUT_OFF
 from plant_server.record import COMPLETE, STOPPED
 from plant_server.spool import read_spool
 from protocol.commands import Command
@@ -218,20 +220,59 @@ def test_without_room_for_run_mcap_the_run_counts_and_the_spool_stays(tmp_path: 
     assert done.returncode == ExitCode.OK
     assert json.loads(done.stdout)["ticks"] == 2000
     (line,) = done.stderr.splitlines()
-    assert line.startswith("cannot write run.mcap: File too large; decmesh recover ")
+    assert line.startswith(f"cannot write to {folder}: File too large; decmesh recover ")
     assert {path.name for path in folder.iterdir()} == {"run.spool", "summary.json"}
     recovered = decmesh("recover", str(folder))
     assert recovered.stdout == f"{folder / 'run.mcap'}: 2000 ticks\n"
 
 
-def test_without_room_for_the_spool_the_user_learns_what_there_is(tmp_path: Path) -> None:
+def test_without_room_for_the_spool_there_are_results_up_to_there(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     done = run_with_room(folder, 400_000)
     assert done.returncode == ExitCode.NO_OUTPUT
     first, last = done.stderr.splitlines()
     # A fast machine is through with the run before its disk has said no.
     assert first.startswith(("recording stopped at tick ", "recording is incomplete: "))
-    assert last.startswith("the recording does not say how the run ended; decmesh recover ")
-    recovered = decmesh("recover", str(folder))
-    assert recovered.stdout.endswith("the recording is incomplete\n")
-    assert len(read_spool_of(folder).ticks) > 100
+    assert last.startswith(f"cannot write to {folder}: File too large; decmesh recover ")
+    summary = json.loads(done.stdout)
+    assert summary == json.loads((folder / "summary.json").read_text())
+    assert summary["ending"] == CUT_OFF
+    assert 100 < summary["ticks"] < 2000
+    recovered = decmesh("recover", str(folder), "--out", str(tmp_path / "elsewhere"))
+    ticks = read_spool_of(folder).ticks[-1].tick + 1
+    said = f"{tmp_path / 'elsewhere' / 'run.mcap'}: {ticks} ticks; the recording is incomplete\n"
+    assert recovered.stdout == said
+    assert summary["ticks"] == ticks - 1, "where the last recorded tick led to is not known"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real disk of 1 MB, where this process may mount one."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
+    mounted = subprocess.run(command, capture_output=True, text=True, check=False)
+    if mounted.returncode != 0:
+        pytest.skip(f"no disk may be mounted here: {mounted.stderr.strip()}")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_full_disk_disturbs_no_board_and_what_it_holds_is_recovered_elsewhere(
+    small_disk: Path, tmp_path: Path
+) -> None:
+    folder = small_disk / "run"
+    length = ("--set", "run.duration_s=6")
+    done = decmesh("run", "paper", *length, "--out", str(folder), "--json")
+    assert done.returncode == ExitCode.NO_OUTPUT
+    first, last = done.stderr.splitlines()
+    assert re.match("plant: recording .*: No space left on device", first), "no board had trouble"
+    assert last.startswith(f"cannot write to {folder}: No space left on device; decmesh recover ")
+    ticks = json.loads(done.stdout)["ticks"]
+    assert ticks > 1000
+    back = read_spool_of(folder)
+    recovered = decmesh("recover", str(folder), "--out", str(tmp_path / "elsewhere"))
+    assert recovered.returncode == ExitCode.OK, recovered.stderr
+    assert read_mcap(tmp_path / "elsewhere" / "run.mcap").ticks == back.ticks
+    replayed = decmesh("replay", str(tmp_path / "elsewhere"))
+    assert replayed.stdout == f"identical: {ticks + 1} ticks; the recording is incomplete\n"

@@ -11,7 +11,7 @@ def main() -> None:
     """Play one role."""
     system, role, folder = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])
     place = job.Place.read(folder)
-    knobs.turn(place.options, role)
+    knobs.turn(place.options, role, 1 + place.boards)
     module = importlib.import_module(f"tests.bench.peers.{system}")
     endpoint: job.Endpoint = module.open_endpoint(place, role)
     try:
