@@ -6,7 +6,8 @@ Rule 2: ages are in the plant's time, as each board knew it. So no clocks need t
 Rule 3: only what was after the release counts.
 """
 
-from collections.abc import Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,7 +47,7 @@ class BoardTimes:
     observation_age_ms: Floats
     """Age of the observation that was used, (K,)."""
     neighbour_age_ms: dict[int, Floats]
-    """Of each neighbour: how long ago its newest frame had been said, once one was there."""
+    """Of each neighbour, while it was there: how long ago its newest frame had been said."""
     torque_age_ms: Floats
     """How long ago the torque in force had been said, in each tick that has one."""
     torque_stale_ticks: int
@@ -90,10 +91,13 @@ class Clock:
         self.tick_ms = tick_ms
         self.ticks_per_period = ticks_per_period
 
+    def tick(self, lived: Lived) -> int:
+        """The first tick of the period that a turn is for."""
+        return lived.slot * self.ticks_per_period
+
     def woke_ms(self, lived: Lived) -> float:
         """When a turn began, since the release."""
-        slot_ms = lived.slot * self.ticks_per_period * self.tick_ms
-        return slot_ms + lived.phase_us / US_PER_MS
+        return self.tick(lived) * self.tick_ms + lived.phase_us / US_PER_MS
 
     def said_ms(self, lived: Lived) -> float:
         """When its torque was on the way."""
@@ -128,6 +132,7 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
     ]
     free = [record for record in spool.ticks if record.tick >= 0]
     epochs = epochs_played(spool.scenario, len(free))
+    there = [_presence(spool.ticks, board) for board in range(len(lived))]
     accounts: list[dict[str, float]] = [told for board, told in spool.realtime if board == PLANT]
     account = accounts[-1] if accounts else {}
     return RealtimeTimes(
@@ -136,7 +141,12 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
                 **_loop(lived[board], clocks[board]),
                 period_ms=_periods_ms(lives[board]),
                 neighbour_age_ms={
-                    other: _neighbour_ages_ms(lived[board], link, clocks[board], said_ms[other])
+                    other: _neighbour_ages_ms(
+                        [turn for turn in lived[board] if there[other](clocks[board].tick(turn))],
+                        link,
+                        clocks[board],
+                        said_ms[other],
+                    )
                     for link, other in enumerate(neighbours(board, len(lived)))
                 },
                 torque_age_ms=_torque_ages_ms(free, board, said_ms[board], tick_ms),
@@ -213,6 +223,22 @@ def _stale_ticks(records: Sequence[TickRecord], board: int) -> int:
                 stale = False
         ticks += stale
     return ticks
+
+
+def _presence(records: Sequence[TickRecord], board: int) -> Callable[[int], bool]:
+    """Tells of a tick whether a board was on the roster."""
+    changes = [
+        (record.tick, event[0] == "admitted")
+        for record in records
+        for event in record.events
+        if event[0] in ("admitted", "gone") and event[1] == board
+    ]
+
+    def present(tick: int) -> bool:
+        before = bisect_right(changes, tick, key=lambda change: change[0])
+        return before > 0 and changes[before - 1][1]
+
+    return present
 
 
 def _neighbour_ages_ms(

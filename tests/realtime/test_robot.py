@@ -227,6 +227,7 @@ def test_links_fail_and_boards_come_and_go(tmp_path: Path) -> None:
     spool = RealtimeRobot(load(str(path)), DRIFTING).spool()
     found, boards = replay(spool), arrays(spool)
     assert summed_up(spool)["boards"]["hip"]["period_ms"]["max"] < 100.0, "it was away for longer"
+    assert summed_up(spool)["boards"]["knee"]["neighbour_age_ms"]["hip"]["max"] < 100.0
     assert (found.differences, found.unplayed) == ((), 0)
     assert not boards.state[520:690, 2].any(), "nobody drives the hip"
     assert (boards.state[800:, 2] > State.SYNCING).all(), "somebody does again"
