@@ -175,3 +175,12 @@ def _clock_misfits(path: str, clock: ClockTable, body: Body) -> Iterator[str]:
             yield f"{path}.{key}: not a whole number of ticks of {body.tick_ms:g} ms"
     if clock.jitter_ms >= body.tick_ms:
         yield f"{path}.jitter_ms: {clock.jitter_ms:g} ms is not below a tick of {body.tick_ms:g} ms"
+
+
+def realtime_clock_misfits(path: str, clock: ClockTable) -> Iterator[str]:
+    """What of a clock means nothing in realtime, each as `path: reason`."""
+    real = "a loop in realtime has jitter and overruns of its own, and counts them; leave it out"
+    if clock.jitter_ms:
+        yield f"{path}.jitter_ms: {real}"
+    if clock.overrun_at_s:
+        yield f"{path}.overrun_at_s: {real}"

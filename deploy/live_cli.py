@@ -2,19 +2,17 @@
 
 import math
 import re
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
 from rich.table import Table
 
 from deploy.sensor_faults import fault_amount
+from deploy.status import status_shown
 from deploy.terminal import JsonOption, out, print_json
 from deploy.ticks import MeaningError
 from protocol import sensors
 from protocol.commands import Command
-from protocol.frames import Reason
-from protocol.storms import Storm
 
 RigOption = Annotated[
     str | None,
@@ -209,48 +207,11 @@ def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
     if as_json:
         print_json(now)
         return
-    seconds = now["tick"] * now["tick_s"]
-    waits = f"; waits for {', '.join(now['waits_for'])}" if now["waits_for"] else ""
-    out.print(f"tick {now['tick']} ({seconds:.3f} s){waits}", highlight=False)
-    out.print(_boards(now["boards"]))
-    for board in now["boards"]:
-        for line in _troubles(board):
-            out.print(f"{board['joint']}: {line}", highlight=False, markup=False, soft_wrap=True)
-    for broken in now["sensor_faults"]:
-        out.print(f"{broken['joint']}: {broken['sensor']} is {broken['fault']}", highlight=False)
-    links = Table("link", "faults", "", box=None)
-    for link in now["links"]:
-        faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
-        one_way = "not heard" if link["one_way"] else ""
-        links.add_row(f"{link['from']} to {link['to']}", faults or "none", one_way)
-    out.print(links)
-    for storm in now["storms"]:
-        seen = Storm(storm["origin"], storm["per_s"], Reason(storm["reason"]))
-        out.print(str(seen), highlight=False)
-
-
-def _boards(boards: list[dict[str, Any]]) -> Table:
-    columns = ("board", "incarnation", "state", "enabled", "torque (N m)", "fault")
-    table = Table(*columns, box=None)
-    for board in boards:
-        torque = f"{board['torque_nm']:.2f}" if "torque_nm" in board else "-"
-        enabled = "yes" if board["enabled"] else "no"
-        fault = str(board["fault"]["code"]) if board["fault"] else "-"
-        about = board["joint"], str(board["incarnation"]), board["state"]
-        table.add_row(*about, enabled, torque, fault)
-    return table
-
-
-def _troubles(board: dict[str, Any]) -> Iterator[str]:
-    """What a board counts that is not 0, and what has failed on it."""
-    counted = [f"{name} {count}" for name, count in board["counters"].items() if count]
-    if counted:
-        yield ", ".join(counted)
-    if board["stuck"]:
-        yield f"was stuck {board['stuck']} times"
-    if board["fault"]:
-        first, *_ = board["fault"]["text"].splitlines()
-        yield f"fault {board['fault']['code']} ({board['fault']['name']}), {first}"
+    for shown in status_shown(now):
+        if isinstance(shown, Table):
+            out.print(shown)
+        else:
+            out.print(shown, highlight=False, markup=False, soft_wrap=True)
 
 
 ALL = (cut, heal, loss, delay, push, reference, sensor, unplug, plug, status)

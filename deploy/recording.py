@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from deploy.fates import NEVER, Fate, Settled
 from deploy.logical_digest import logical_sha256
+from deploy.realtime_times import RealtimeTimes, realtime_times
 from deploy.reconstruction import Reconstruction
 from deploy.recording_files import UnreadableError, read_spool_of
 from deploy.replay import Link, UnplayableError
 from deploy.trajectory import Trajectory, recorded_trajectory
-from deploy.wall_times import board_times, clocks_shared, efforts, plant_times
+from deploy.wall_times import BoardTimes, board_times, clocks_shared, efforts, plant_times
 from plant_server.spool import Spool
 from protocol.frames import ProtocolError
 from protocol.scenario import resolved
@@ -92,6 +93,9 @@ class Recording:
     twin. Of a joint that had several boards: seconds of all, memory of the largest."""
     clocks_shared: bool
     """Whether all processes read one clock, so that a frame's way can be timed."""
+    realtime: RealtimeTimes | None = None
+    """How boards kept their time, of a run in realtime. Then `links` is empty: frames have no
+    tick in which they ought to be heard, and so no fate; and boards tell of turns, not of ticks."""
 
 
 def read_recording(path: Path) -> Recording:
@@ -111,8 +115,8 @@ def recording(spool: Spool) -> Recording:
     run = recorded_trajectory(spool)
     ticks, joints = run.ticks, len(run.joints)
     plant, boards = plant_times(spool, ticks), board_times(spool.timings, ticks, joints)
-    told = Reconstruction(resolved(spool.scenario))
-    frames = _follow(spool, told, ticks)
+    times = realtime_times(spool)
+    told = None if times else Reconstruction(resolved(spool.scenario))
     return Recording(
         trajectory=run,
         facts=spool.facts,
@@ -124,23 +128,35 @@ def recording(spool: Spool) -> Recording:
         taken_up_ns=boards.taken_up_ns,
         decided_ns=boards.decided_ns,
         said_ns=boards.said_ns,
-        links={
-            (sender, receiver): LinkHistory(
-                sent=run.state[:, sender] > 0,
-                fate=fate,
-                heard_tick=heard_tick,
-                frame_bytes=frame_bytes,
-                sent_ns=boards.decided_ns[:, sender],
-                arrived_ns=_a_tick_later(boards.arrived_ns[:, receiver, place]),
-                refused=told.refused((sender, receiver)),
-            )
-            for (sender, receiver), (fate, heard_tick, frame_bytes) in frames.items()
-            for place in [neighbours(receiver, joints).index(sender)]
-        },
-        refused_by_network=[told.refused_by_network(board) for board in range(joints)],
+        links={} if told is None else _links(spool, run, boards, told),
+        refused_by_network=[
+            {} if told is None else told.refused_by_network(board) for board in range(joints)
+        ],
         processes=efforts(spool),
         clocks_shared=clocks_shared(spool),
+        realtime=times,
     )
+
+
+def _links(
+    spool: Spool, run: Trajectory, boards: BoardTimes, told: Reconstruction
+) -> dict[Link, LinkHistory]:
+    """The history of each directed link."""
+    return {
+        (sender, receiver): LinkHistory(
+            sent=run.state[:, sender] > 0,
+            fate=fate,
+            heard_tick=heard_tick,
+            frame_bytes=frame_bytes,
+            sent_ns=boards.decided_ns[:, sender],
+            arrived_ns=_a_tick_later(boards.arrived_ns[:, receiver, place]),
+            refused=told.refused((sender, receiver)),
+        )
+        for (sender, receiver), (fate, heard_tick, frame_bytes) in _follow(
+            spool, told, run.ticks
+        ).items()
+        for place in [neighbours(receiver, len(run.joints)).index(sender)]
+    }
 
 
 def _follow(spool: Spool, told: Reconstruction, ticks: int) -> dict[Link, list[Integers]]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deploy.failure import FailedError
 from deploy.progress import ticks_shown
 from deploy.terminal import JsonOption, err, print_files, print_json, say, writing
 from protocol.exit_codes import ExitCode
@@ -48,6 +49,9 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     here, there = fingerprint(), spool.facts.get("fingerprint")
     if here != there:
         say(f"recorded where numbers are rounded otherwise: fingerprint {there}, here {here}")
+    if spool.in_realtime:
+        _replay_realtime(spool, as_json=as_json, same_arithmetic=here == there)
+        return
     with ticks_shown(err, "replay", spool.scenario) as on_tick:
         difference = first_difference(spool, on_tick)
     if difference is None and is_mcap(file):
@@ -67,6 +71,40 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     else:
         print(difference)
     if difference is not None:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+def _replay_realtime(spool: "Spool", *, as_json: bool, same_arithmetic: bool) -> None:
+    """Play boards again on exactly what they used, at their own times."""
+    from deploy.realtime_replay import replay as play_again  # noqa: PLC0415 - as above
+    from deploy.replay import UnplayableError  # noqa: PLC0415 - as above
+
+    try:
+        with ticks_shown(err, "replay", spool.scenario) as on_tick:
+            found = play_again(spool, on_tick)
+    except UnplayableError as error:
+        raise FailedError(ExitCode.FAILED, str(error)) from error
+    if as_json:
+        facts = {
+            "identical": not found.differences,
+            "ticks": spool.ticks[-1].tick + 1,
+            "complete": spool.complete,
+            "same_arithmetic": same_arithmetic,
+            "turns": found.periods,
+            "torque_frames": found.torques,
+            "unplayed_turns": found.unplayed,
+            "differences": found.differences,
+        }
+        print_json(facts)
+    else:
+        for difference in found.differences:
+            print(difference)
+        if not found.differences:
+            turns = f"{found.periods} turns of boards, {found.torques} torque frames"
+            print(f"identical: {_ticks(spool)}, {turns}")
+        if found.unplayed:
+            print(f"{found.unplayed} turns are not played: what was heard in them is not recorded")
+    if found.differences:
         raise typer.Exit(ExitCode.FAILED)
 
 

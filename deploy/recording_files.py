@@ -14,9 +14,12 @@ from deploy.processes import SPOOL
 from deploy.replay import Replay
 from module_agent.config import board_config
 from plant_server.record import Outcome, TickRecord
-from plant_server.spool import Spool, read_spool
+from plant_server.spool import PLANT, Spool, read_spool
 from protocol.exit_codes import ExitCode
+from protocol.frames import LinkFrame, ProtocolError, decode
 from protocol.scenario import KEYS, resolved
+from protocol.trace import LastWord, Trace, decode_told
+from protocol.wiring import neighbours
 
 MCAP = "run.mcap"
 HINTS_MAX = 3
@@ -63,7 +66,7 @@ def read_spool_of(path: Path, *, whole: bool = True) -> Spool:
         _check(spool)
     except OSError as error:
         raise UnreadableError(f"cannot read {file}: {error.strerror}") from error
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
+    except (AttributeError, LookupError, ProtocolError, TypeError, ValueError) as error:
         raise UnreadableError(f"{file} is no recording that can be used: {error}") from error
     return spool
 
@@ -78,6 +81,7 @@ def _check(spool: Spool) -> None:
             raise ValueError(f"after tick {tick - 1} comes tick {record.tick}")
         _check_sizes(f"tick {tick}", record[1:5], joints)
         _check_events(record)
+    _check_realtime(spool, joints)
     for walls in filter(None, spool.walls):
         _check_sizes("a wall time", [walls.answered_ns], joints)
     if spool.outcome is not None:
@@ -99,6 +103,26 @@ def _check_scenario(spool: Spool) -> int:
     for joint in scenario.joints:
         board_config(scenario.values, joint)
     return len(scenario.joints)
+
+
+def _check_realtime(spool: Spool, joints: int) -> None:
+    """Whether what boards tell of their turns is of these boards, and can be read."""
+    for board, told in spool.realtime:
+        if board == PLANT:
+            for name in ("behind_ms_max", "slipped_s"):
+                float(told[name])
+        elif not 0 <= board < joints:
+            raise ValueError(f"board {board} of {joints} tells of its turns")
+        else:
+            _check_turns(decode_told(told), len(neighbours(board, joints)))
+
+
+def _check_turns(told: Trace | LastWord, links: int) -> None:
+    if isinstance(told, Trace):
+        if any(len(lived.taken) != links for lived in told.lived):
+            raise ValueError(f"turns of a board with {links} neighbours have others")
+    else:
+        decode(LinkFrame, told.frame)
 
 
 def _check_outcome(outcome: Outcome, ticks: int, joints: int) -> None:

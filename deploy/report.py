@@ -5,13 +5,14 @@ Rule 1: the page needs nothing but itself; the pictures beside it, drawn and as 
 Rule 2: the same recordings give the same report, byte for byte.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from deploy import report_sections as sections
 from deploy.report_agreement import agreement
 from deploy.report_glance import glance
-from deploy.report_page import Page
+from deploy.report_page import Page, Section
+from deploy.report_realtime import realtime
 from deploy.report_runs import Pictures, Run
 from deploy.report_time import effort
 from deploy.report_traffic import traffic
@@ -25,7 +26,7 @@ def compose(runs: Sequence[Run], epoch: int | None = None) -> tuple[Page, Pictur
 
     Raises `FailedError` if a run has no such epoch.
     """
-    pictures = Pictures(several=len(runs) > 1)
+    pictures, by_the_wall = Pictures(several=len(runs) > 1), [run.in_realtime for run in runs]
     page = Page(
         title=_names(runs),
         subtitle=_subtitle(runs),
@@ -34,16 +35,22 @@ def compose(runs: Sequence[Run], epoch: int | None = None) -> tuple[Page, Pictur
             glance(runs),
             sections.motion(runs, pictures),
             sections.elections(runs, pictures),
-            sections.one_epoch(runs, pictures, epoch),
-            agreement(runs, pictures),
-            traffic(runs, pictures),
-            effort(runs, pictures),
+            *(_of_lockstep(runs, pictures, epoch) if not all(by_the_wall) else ()),
+            *([realtime(runs, pictures)] if any(by_the_wall) else ()),
             sections.happenings(runs),
         ],
         footer=f"Made with decmesh from {_names(runs)}. Every picture is in the folder {PICTURES}"
         " beside this page, as svg and png.",
     )
     return page, pictures
+
+
+def _of_lockstep(runs: Sequence[Run], pictures: Pictures, epoch: int | None) -> Iterator[Section]:
+    """What there is where ticks wait for boards."""
+    yield sections.one_epoch(runs, pictures, epoch)
+    yield agreement(runs, pictures)
+    yield traffic(runs, pictures)
+    yield effort(runs, pictures)
 
 
 def write(page: Page, pictures: Pictures, folder: Path) -> list[Path]:

@@ -12,13 +12,21 @@ from deploy.report_charts import Group, log_limits
 from deploy.report_latency import decisions_ns
 from deploy.report_page import Block, Figure, Section, Table
 from deploy.report_runs import Pictures, Run, remarks
-from deploy.report_tables import NO_WALL_TIME, NS_PER_MS, SPREAD_HEADER, run_table, spread_cells
+from deploy.report_tables import (
+    NO_BARRIER,
+    NO_WALL_TIME,
+    NS_PER_MS,
+    SPREAD_HEADER,
+    run_table,
+    spread_cells,
+)
 from deploy.trajectory import Floats
 
 
 def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
     """Rounds and times, as figures and as numbers; or why there are none."""
-    electing = [run for run in runs if run.epochs is not None and len(run.epochs.number)]
+    ticking = [run for run in runs if not run.in_realtime]
+    electing = [run for run in ticking if run.epochs is not None and len(run.epochs.number)]
     timed = [run for run in electing if run.timed]
     blocks: list[Block] = [
         *pictures.each(
@@ -37,9 +45,9 @@ def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
     if timed:
         blocks.append(_decision_table(runs, timed))
     blocks += remarks(runs, [run for run in electing if not run.timed], NO_WALL_TIME)
-    blocks += remarks(
-        runs, [run for run in runs if run not in electing], "No epochs, so no agreement."
-    )
+    silent = [run for run in ticking if run not in electing]
+    blocks += remarks(runs, silent, "No epochs, so no agreement.")
+    blocks += remarks(runs, [run for run in runs if run.in_realtime], NO_BARRIER)
     return Section("agreement", "Agreement", blocks)
 
 

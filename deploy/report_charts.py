@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter
 
@@ -21,6 +21,7 @@ from deploy.figures import DOTS_PER_INCH
 from deploy.recording import Fate
 from deploy.report_latency import Spread, spread
 from deploy.report_links import FATES, LinkCounts
+from deploy.report_strips import MISSED
 from deploy.trajectory import Floats, Integers
 
 WIDTH_IN, HEIGHT_IN = 3.5, 1.9
@@ -34,6 +35,8 @@ DIGITS = {
     np.inf: (1.0,),
 }
 """Numbers on a logarithmic scale of at most so many decades: two to eight have room."""
+FEW_SHOW = 0.4
+"""Exponent of the scale of shares over time."""
 DARK = 0.5
 """Of the largest share, from which numbers are white."""
 SHARES = LinearSegmentedColormap.from_list("shares", ["#ffffff", "#dbe3e8", "#7f97a6", "#2b4352"])
@@ -82,6 +85,48 @@ def histogram(groups: Sequence[Group], limits_ms: tuple[float, float], label: st
     _mark_percentiles(axes, found)
     _log_ms(axes, limits_ms)
     axes.set(xlabel=label, ylabel="How often")
+    return figure
+
+
+def tails(groups: Sequence[Group], limits_ms: tuple[float, float], label: str) -> Figure:
+    """Draw how often which time was taken, a line for each group, so that what is rare shows."""
+    figure, axes = _figure(HEIGHT_IN, left_in=0.5, top_in=0.34)
+    edges = np.geomspace(*limits_ms, BINS + 1)
+    values = [group.values_ms[np.isfinite(group.values_ms)] for group in groups]
+    for group, own in zip(groups, values, strict=True):
+        counts, _edges = np.histogram(own, edges)
+        axes.stairs(counts, edges, color=group.colour, label=group.label, linewidth=0.9)
+    if 1 < len(groups) <= LEGEND_MAX:
+        axes.legend(loc="best", handlelength=0.8, frameon=True, framealpha=0.8, edgecolor="none")
+    found = spread(np.concatenate(values))
+    assert found is not None, "limits come from values, so there are some"
+    _mark_percentiles(axes, found)
+    _log_ms(axes, limits_ms)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.7)
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set(xlabel=label, ylabel="How often")
+    return figure
+
+
+def over_time(share: Floats, bin_s: float, end_s: float, names: Sequence[str]) -> Figure:
+    """Draw shares over time, a row for each name: white none, black all; (names, bins).
+
+    A small share is darker than its part of black, or one in a hundred would not be seen.
+    """
+    figure, axes = _figure(0.5 + ROW_IN * len(names), left_in=0.62, top_in=0.06)
+    axes.imshow(
+        np.ma.masked_invalid(share),
+        aspect="auto",
+        interpolation="nearest",
+        origin="lower",
+        cmap=MISSED,
+        norm=PowerNorm(FEW_SHOW, 0.0, 1.0),
+        extent=(0.0, share.shape[1] * bin_s, -0.5, len(names) - 0.5),
+    )
+    axes.set_xlim(0.0, end_s)
+    _plain_rows(axes, names)
+    axes.set_xlabel("Time (s)")
     return figure
 
 

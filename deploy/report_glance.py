@@ -69,7 +69,23 @@ def _rounds(run: Run) -> str:
     return NONE if found is None else f"{found.p50:g} (p50), {found.most:g} (max)"
 
 
+def _missed(run: Run) -> str:
+    times = run.recording.realtime
+    if times is None:
+        return NONE
+    missed = sum(board.missed for board in times.boards)
+    periods = sum(board.periods for board in times.boards)
+    return f"{missed:,} of {periods:,} ({100.0 * missed / max(periods, 1):.2f} %)"
+
+
+def _tick(run: Run) -> str:
+    return NONE if run.in_realtime else _ms(spread(ticks_ns(run.recording)))
+
+
 def _decision(run: Run) -> str:
+    times = run.recording.realtime
+    if times is not None:
+        return _ms(spread(np.concatenate([board.decision_ms for board in times.boards]) * 1e6))
     found = None if run.epochs is None else spread(decisions_ns(run.recording, run.epochs))
     return _ms(found)
 
@@ -105,11 +121,12 @@ FACTS: dict[str, Callable[[Run], str]] = {
     "epochs with none enabled": lambda run: _seldom(run, lambda of: _enabled(of, 0, 0)),
     "epochs with several enabled": lambda run: _seldom(run, lambda of: _enabled(of, 2, 10**6)),
     "epoch start to decision": _decision,
-    "frames sent": lambda run: f"{total(run.links)[0]:,}",
+    "frames sent": lambda run: NONE if run.in_realtime else f"{total(run.links)[0]:,}",
     "heard in the next tick": lambda run: _frames(run, Fate.HEARD),
     "heard late": lambda run: _frames(run, Fate.LATE),
     "lost on their way": lambda run: _frames(run, *MISSED),
-    "tick": lambda run: _ms(spread(ticks_ns(run.recording))),
+    "tick": _tick,
+    "deadlines missed": _missed,
     "digest of the motion": lambda run: run.summary["state_sha256"][:DIGITS],
     "digest of all logic": lambda run: run.recording.logical_sha256[:DIGITS],
     "started": lambda run: str(run.recording.facts.get("started", NONE)),

@@ -145,6 +145,7 @@ def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
             Span(joint, first, end, kind, kind)
             for kind, state in STATES.items()
             for first, end in spans(trajectory.state[:, board] == state)
+            if first > 0 or kind is not Kind.SYNCING  # In realtime what was said in warm-up holds.
         ]
         why = dict(_failures(trajectory, board))
         for span in sorted(found, key=lambda span: span.first_tick):

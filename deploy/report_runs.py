@@ -42,9 +42,14 @@ class Run:
         return [board["joint"] for board in self.recording.trajectory.scenario["board"]]
 
     @property
+    def in_realtime(self) -> bool:
+        """Whether nobody waited for anybody."""
+        return self.recording.realtime is not None
+
+    @property
     def mode(self) -> str:
-        """How it was run: in processes, or in the twin."""
-        return str(self.summary["mode"])
+        """How it was run: in processes, in the twin, or in realtime."""
+        return "realtime" if self.in_realtime else str(self.summary["mode"])
 
     @property
     def versions(self) -> dict[str, str | None]:
@@ -81,7 +86,11 @@ def look_at(recording: Recording, label: str, number: int = 1) -> Run:
         number,
         label,
         recording,
-        summary(trajectory, mode=recording.facts.get("mode", "processes")),
+        summary(
+            trajectory,
+            mode=recording.facts.get("mode", "processes"),
+            realtime=recording.realtime,
+        ),
         epochs(trajectory),
         counts(recording),
         timeline(trajectory),

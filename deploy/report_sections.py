@@ -15,6 +15,7 @@ from deploy.report_page import Block, Figure, Section, Table
 from deploy.report_runs import Pictures, Run, remarks, titled
 from deploy.report_spacetime import Scene, spacetime, telling_epoch
 from deploy.report_strips import Strips, limits, strips
+from deploy.report_tables import NO_BARRIER
 from protocol.exit_codes import ExitCode
 
 FOLDED_FROM = 25
@@ -90,7 +91,8 @@ def elections(runs: Sequence[Run], pictures: Pictures) -> Section:
 
 def one_epoch(runs: Sequence[Run], pictures: Pictures, number: int | None) -> Section:
     """One epoch as a space-time diagram: the one asked for, else one that lost a frame."""
-    scenes = {run.number: scene for run in runs if (scene := _scene(run, number)) is not None}
+    ticking = [run for run in runs if not run.in_realtime]
+    scenes = {run.number: scene for run in ticking if (scene := _scene(run, number)) is not None}
     drawn = pictures.each(
         "epoch",
         [run for run in runs if run.number in scenes],
@@ -106,10 +108,11 @@ def one_epoch(runs: Sequence[Run], pictures: Pictures, number: int | None) -> Se
         "A round of max-consensus",
         [
             *drawn,
-            *remarks(runs, [run for run in runs if run.epochs is None], NOBODY_ELECTED),
+            *remarks(runs, [run for run in ticking if run.epochs is None], NOBODY_ELECTED),
+            *remarks(runs, [run for run in runs if run.in_realtime], NO_BARRIER),
             *remarks(
                 runs,
-                [run for run in runs if run.epochs is not None and run.number not in scenes],
+                [run for run in ticking if run.epochs is not None and run.number not in scenes],
                 "It ended before the last round of its first epoch.",
             ),
         ],

@@ -11,6 +11,7 @@ NONE = "-"
 SPREAD_HEADER = ["known", "p50", "p90", "p99", "max"]
 NS_PER_MS = 1e6
 NO_WALL_TIME = "A twin has no wall time: its boards and its plant take turns in one process."
+NO_BARRIER = "In realtime nobody waits for a frame or a tick: see Realtime for the times."
 
 Row = tuple[Run, Sequence[str]]
 

@@ -8,6 +8,7 @@ from deploy.report_latency import gaps_ns, ticks_ns, waits
 from deploy.report_page import Block, Section, Table
 from deploy.report_runs import Pictures, Run, remarks
 from deploy.report_tables import (
+    NO_BARRIER,
     NO_WALL_TIME,
     NONE,
     NS_PER_MS,
@@ -19,7 +20,8 @@ from deploy.report_tables import (
 
 def effort(runs: Sequence[Run], pictures: Pictures) -> Section:
     """Times and effort, as figures and as numbers; or why there are none."""
-    timed = [run for run in runs if run.timed]
+    ticking = [run for run in runs if not run.in_realtime]
+    timed = [run for run in ticking if run.timed]
     taken_ms = {run.number: ticks_ns(run.recording) / NS_PER_MS for run in timed}
     shared = log_limits(list(taken_ms.values()))
     blocks: list[Block] = []
@@ -44,7 +46,8 @@ def effort(runs: Sequence[Run], pictures: Pictures) -> Section:
         )
         blocks += [_time_table(runs, timed), _waits_table(runs, timed)]
         blocks += _effort_table(runs, timed)
-    blocks += remarks(runs, [run for run in runs if not run.timed], NO_WALL_TIME)
+    blocks += remarks(runs, [run for run in ticking if not run.timed], NO_WALL_TIME)
+    blocks += remarks(runs, [run for run in runs if run.in_realtime], NO_BARRIER)
     return Section("time", "Time and effort", blocks)
 
 

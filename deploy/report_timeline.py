@@ -57,7 +57,8 @@ def draw_timeline(
             for span in spans
             if span.kind is not Kind.SYNCING or _ticks(span) * tick_s > letter_s
         ]
-        for span, after in zip(labelled, [*labelled[1:], None], strict=True):
+        afters = [*labelled[1:], None][: len(labelled)]
+        for span, after in zip(labelled, afters, strict=True):
             start_s, length_s = span.first_tick * tick_s, _ticks(span) * tick_s
             next_s = end_s if after is None else after.first_tick * tick_s
             within = int(length_s / letter_s) - 1

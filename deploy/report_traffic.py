@@ -12,6 +12,7 @@ from deploy.report_links import FATES
 from deploy.report_page import Block, Figure, Section, Table
 from deploy.report_runs import Pictures, Run, remarks
 from deploy.report_tables import (
+    NO_BARRIER,
     NO_WALL_TIME,
     NONE,
     NS_PER_MS,
@@ -60,7 +61,9 @@ def traffic(runs: Sequence[Run], pictures: Pictures) -> Section:
         blocks += [_links_table(runs, linked), *_refused_table(runs)]
     if ways:
         blocks.append(_ways_table(runs, ways))
-    blocks += remarks(runs, [run for run in runs if not run.links], "One board has no links.")
+    blocks += remarks(runs, [run for run in runs if run.in_realtime], NO_BARRIER)
+    alone = [run for run in runs if not run.links and not run.in_realtime]
+    blocks += remarks(runs, alone, "One board has no links.")
     quiet = [run for run in runs if run.links and run not in linked]
     blocks += remarks(runs, quiet, "It ended before the first frame.")
     silent = [run for run in linked if run.number not in ways]

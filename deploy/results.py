@@ -16,6 +16,8 @@ from deploy import figures
 from deploy.logical_digest import logical_sha256
 from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
+from deploy.realtime_table import realtime_table
+from deploy.realtime_times import realtime_times
 from deploy.recording_files import MCAP, read_spool_of
 from deploy.run import SUMMARY
 from deploy.summary import Mode, Summary, summary, write_summary
@@ -49,13 +51,20 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
     run = recorded_trajectory(spool) if spool.ticks else None
     if run is None or not run.ticks:
         return None
-    return Concluded(spool, run, summary(run, mode=mode, logical_sha256=logical_sha256(spool)))
+    digest, times = logical_sha256(spool), realtime_times(spool)
+    return Concluded(spool, run, summary(run, mode=mode, logical_sha256=digest, realtime=times))
 
 
 def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
-    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError."""
+    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError.
+
+    The recording of a run in realtime is its spool, and stays.
+    """
     write_summary(folder / SUMMARY, concluded.summary)
     yield folder / SUMMARY
+    if concluded.spool.in_realtime:
+        yield folder / SPOOL
+        return
     write_mcap(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
     if concluded.spool.complete:
         with suppress(OSError):  # It does no harm if it stays.
@@ -66,7 +75,11 @@ def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) ->
 def table(runs: Sequence[Summary]) -> Group:
     """Table II for a run of either controller, or for both."""
     by_controller = {run["controller"]: run for run in runs}
-    return report(by_controller.get("original"), by_controller.get("distributed"))
+    found = report(by_controller.get("original"), by_controller.get("distributed"))
+    for run in runs:
+        if run["realtime"] is not None:
+            found.renderables.append(realtime_table(run["realtime"]))
+    return found
 
 
 def paper_figures(original: Trajectory, distributed: Trajectory, folder: Path) -> list[Path]:

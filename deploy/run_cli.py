@@ -1,19 +1,21 @@
 """Commands that run robots: `decmesh paper`, `decmesh run`."""
 
+import json
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from deploy import run as runs
-from deploy.processes import SPOOL, RunFailedError, Watch
+from deploy.processes import SCENARIO, SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
 from deploy.terminal import JsonOption, OutOption, SetOption, err, out, print_files, print_json, say
-from protocol.durations import duration_s
+from protocol.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.exit_codes import ExitCode
 from protocol.process import StoppedError, stop_on_signals
 from protocol.scenario import ResolvedScenario
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from deploy.results import Concluded
 
 RECOVER = "decmesh recover {} makes run.mcap of what was recorded, also in another --out"
+KEPT = "what was recorded is in {}; decmesh replay and decmesh report read it"
 
 
 def _checked_time(text: str | None) -> str | None:
@@ -43,6 +46,18 @@ PatienceOption = Annotated[
         metavar="TIME",
         callback=_checked_time,
         help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
+    ),
+]
+RealtimeOption = Annotated[
+    bool, typer.Option("--realtime", help="By the wall clock, waiting for nobody: not repeatable.")
+]
+PaceOption = Annotated[
+    float | None,
+    typer.Option(
+        min=PACE_MIN,
+        max=PACE_MAX,
+        metavar="FACTOR",
+        help="Go no faster than so many seconds of the body in one of the wall, e.g. 1 or 0.25.",
     ),
 ]
 
@@ -91,18 +106,24 @@ def run(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
     patience: PatienceOption = None,
+    realtime: RealtimeOption = False,
+    pace: PaceOption = None,
 ) -> None:
     """One scenario, in processes over Zenoh or as a twin.
 
-    A plant and a board for each joint, in lockstep. What came out is in summary.json.
+    A plant and a board for each joint, in lockstep unless told otherwise. What came out is in
+    summary.json.
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """
     overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
+    overrides += ["run.mode=realtime"] if realtime else []
     resolved = load(scenario, overrides)
+    _check_clock(in_realtime="realtime" in resolved.values, twin=twin, pace=pace)
     name: str = resolved.values["name"]
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
+    options += [] if pace is None else ["--pace", str(pace)]
     ran = _run(resolved, folder, twin=twin, label=name, plant_options=options)
     if as_json:
         print_json(ran.concluded.summary)
@@ -120,6 +141,13 @@ class _Ran(NamedTuple):
     code: int
     concluded: "Concluded"
     files: list[Path]
+
+
+def _check_clock(*, in_realtime: bool, twin: bool, pace: float | None) -> None:
+    if twin and (in_realtime or pace is not None):
+        raise typer.BadParameter("the twin has no wall clock: neither realtime nor --pace")
+    if in_realtime and pace is not None:
+        raise typer.BadParameter("realtime goes at the pace of the wall clock; leave --pace out")
 
 
 def _run(
@@ -173,12 +201,20 @@ def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path
             with ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
                 files.extend(results.write(concluded, folder, on_tick))
     except OSError as error:
-        say(f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}")
+        say(f"cannot write to {folder}: {error.strerror}; {_remedy(folder)}")
     except StoppedError:
         if (folder / SPOOL).exists():
-            say(RECOVER.format(folder))
+            say(_remedy(folder))
         raise
     return concluded, files
+
+
+def _remedy(folder: Path) -> str:
+    """What can be made of a run that was cut off."""
+    with suppress(OSError, ValueError):
+        if "realtime" in json.loads((folder / SCENARIO).read_bytes()):
+            return KEPT.format(folder)
+    return RECOVER.format(folder)
 
 
 ALL = (paper, run)

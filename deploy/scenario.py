@@ -17,7 +17,9 @@ from pydantic import BaseModel, ValidationError
 from deploy import controllers
 from deploy.board_tables import resolved_hardware
 from deploy.event_tables import commands, merged_links
-from deploy.scenario_tables import BoardTable, Scenario, body_of, misfits
+from deploy.realtime_tables import resolve_realtime
+from deploy.scenario_misfits import body_of, misfits
+from deploy.scenario_tables import BoardTable, Scenario
 from deploy.ticks import whole_ticks
 from module_agent.config import Source
 from protocol.scenario import ResolvedScenario, ScenarioError, resolved
@@ -161,7 +163,7 @@ def _resolve(name: str, scenario: Scenario, sources: dict[str, Source]) -> dict[
     standing = merged_links(scenario.link, body)
     events = [entry for event in scenario.event for entry in commands(event, standing, body)]
     tick_s = run.tick_ms / 1e3
-    return {
+    values: dict[str, Any] = {
         "name": name,
         "description": scenario.description,
         "run": {
@@ -185,6 +187,14 @@ def _resolve(name: str, scenario: Scenario, sources: dict[str, Source]) -> dict[
         "board": [_resolve_board(board, scenario, sources) for board in scenario.board],
         "link_names": [board.link.name for board in scenario.board],
     }
+    if run.pace is not None:
+        values["run"]["pace"] = run.pace
+    if run.mode == "realtime":
+        rates_hz = [board.rate_hz for board in scenario.board]
+        values["realtime"], periods = resolve_realtime(scenario.realtime, rates_hz, run.tick_ms)
+        for board, ticks in zip(values["board"], periods, strict=True):
+            board["ticks_per_period"] = ticks
+    return values
 
 
 def _files(sources: dict[str, Source]) -> dict[str, str]:

@@ -15,6 +15,7 @@
                                             rounds_to_agreement {"0": ..., "never": ...},
                                             enabled_0, enabled_1, enabled_2_or_more (epochs that
                                             ended with so many boards enabled)
+    realtime                                null in lockstep; else `deploy.realtime_summary`
     faults                                  boards that failed: joint, tick, code, text
     degraded                                boards that asked for a torque that is no number, which
                                             was not applied: joint, tick (the first), ticks
@@ -36,6 +37,8 @@ import numpy as np
 
 from deploy.foot_margin import foot_margin
 from deploy.indices import all_indices, elections, energy
+from deploy.realtime_summary import realtime_summary
+from deploy.realtime_times import RealtimeTimes
 from deploy.trajectory import Trajectory
 from plant_server.facts import versions
 
@@ -43,7 +46,13 @@ Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
 
 
-def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = None) -> Summary:
+def summary(
+    trajectory: Trajectory,
+    *,
+    mode: Mode,
+    logical_sha256: str | None = None,
+    realtime: RealtimeTimes | None = None,
+) -> Summary:
     """Sum up a run; the page above lists the keys. The digest is that of its recording."""
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
     agreed, foot = elections(trajectory), foot_margin(trajectory)
@@ -62,6 +71,7 @@ def summary(trajectory: Trajectory, *, mode: Mode, logical_sha256: str | None = 
         "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
         "energy_j": energy(trajectory)._asdict(),
         "consensus": agreed and agreed._asdict(),
+        "realtime": None if realtime is None else realtime_summary(realtime, trajectory.joints),
         "faults": [
             {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)

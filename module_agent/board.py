@@ -12,16 +12,16 @@ from math import fabs
 from typing import NamedTuple
 
 from module_agent.body_view import BodySample, BodyView, Turn
-from module_agent.config import BoardConfig, Controls
+from module_agent.config import BoardConfig, Controls, ElectionConfig
 from module_agent.controller import Candidate, Seen
 from module_agent.counts import COUNTS
 from module_agent.election import Election, Gossip, Heard
-from module_agent.foreign import FaultError, controller_of, election_of
+from module_agent.foreign import FaultError, controller_of, rule_of
 from module_agent.hearing import Hearing
 from module_agent.lateness import speech
 from module_agent.link_model import LinkModel
 from module_agent.sensing import Sensing
-from module_agent.speech import Doing
+from module_agent.speech import Doing, Speech
 from protocol.clocks import STEADY
 from protocol.commands import ANY, LINK, LinkParameters, decode_board_command
 from protocol.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
@@ -59,37 +59,19 @@ class Board:
         self.run_id = run_id
         self.incarnation = incarnation
         self.hearings = [
-            Hearing(
-                LinkModel(
-                    seed=config.seed, sender=sender, receiver=config.index, standing=standing
-                ),
-                run_id=run_id,
-                boards=config.boards,
+            self._make_hearing(
+                LinkModel(seed=config.seed, sender=sender, receiver=config.index, standing=standing)
             )
             for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
         ]
-        self.sensing: Sensing = Sensing(
-            config.sensor_sheet,
-            tick_s=config.tick_s,
-            has_imu=config.has_imu,
-            uneven=config.clock != STEADY,
-        )
-        self.view = BodyView(
-            config.link,
-            tick_s=config.tick_s,
-            lumped_delay_ticks=config.lumped_delay_ticks,
-            has_imu=config.has_imu,
-            bottom=config.index == 0,
-        )
-        self.speech = speech(
-            config, self.hearings, self.view, run_id=run_id, incarnation=incarnation
-        )
+        self.sensing: Sensing = self._make_sensing()
+        self.view = self._make_view()
+        self.speech = self._make_speech()
         self.servo = controller_of(config)
-        self.election: Election | None = election_of(config)
-        self._hear_body = [
-            self.view.hear_from_above if other > config.index else self.view.hear_from_below
-            for other in config.neighbours
-        ]
+        elects = config.election
+        self.election: Election | None = None if elects is None else self._make_election(elects)
+        above, below = self.view.hear_from_above, self.view.hear_from_below
+        self._hear_body = [above if other > config.index else below for other in config.neighbours]
         self.reference_rad = config.reference_rad
         self.state = State.ENROLLING
         self.fault: FaultError | None = None
@@ -124,13 +106,16 @@ class Board:
             raise ProtocolError(Reason.RUN, f"run {observation.run_id:08x}")
         if observation.incarnation != self.incarnation:
             raise ReplacedError(observation.incarnation)
-        if self.next_tick is not None and observation.tick != self.next_tick:
-            if observation.tick == self.next_tick - 1:
-                raise AnsweredError
-            raise ProtocolError(Reason.TICK, f"tick {observation.tick}, expected {self.next_tick}")
+        self._expect(observation.tick)
         if len(observation.neighbours) != len(self.hearings):
             raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
         return observation
+
+    def _expect(self, tick: int) -> None:
+        if self.next_tick is not None and tick != self.next_tick:
+            if tick == self.next_tick - 1:
+                raise AnsweredError
+            raise ProtocolError(Reason.TICK, f"tick {tick}, expected {self.next_tick}")
 
     def hear(self, link: int, payload: bytes) -> int:
         """Take a frame of a link, whenever it came; the tick said, `NO_TICK` if it is of no use."""
@@ -187,6 +172,31 @@ class Board:
         if not self.sensing.safe or not self.view.sampled(wanted_tick):
             return None, SAFE
         return self.view.at(wanted_tick)
+
+    def _make_hearing(self, link: LinkModel) -> Hearing:
+        return Hearing(link, run_id=self.run_id, boards=self.config.boards)
+
+    def _make_sensing(self) -> Sensing:
+        config = self.config
+        uneven, imu = config.clock != STEADY, config.has_imu
+        return Sensing(config.sensor_sheet, tick_s=config.tick_s, has_imu=imu, uneven=uneven)
+
+    def _make_view(self) -> BodyView:
+        config = self.config
+        return BodyView(
+            config.link,
+            tick_s=config.tick_s,
+            lumped_delay_ticks=config.lumped_delay_ticks,
+            has_imu=config.has_imu,
+            bottom=config.index == 0,
+        )
+
+    def _make_speech(self) -> Speech:
+        granted = {"run_id": self.run_id, "incarnation": self.incarnation}
+        return speech(self.config, self.hearings, self.view, **granted)
+
+    def _make_election(self, election: ElectionConfig) -> Election:
+        return Election(election, rule_of(self.config), board=self.config.index)
 
     def _admitted(self, tick: int) -> None:
         self.state = entered(self.state, State.SYNCING)

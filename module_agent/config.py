@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Any, NamedTuple
 
 from module_agent.kinematics import Link
+from protocol.cadence import Cadence, cadence_of
 from protocol.clocks import STEADY, ClockSheet, clock_sheet
 from protocol.commands import PERFECT, LinkParameters, changed
 from protocol.sensors import EXACT, SensorSheet
@@ -86,6 +87,8 @@ class BoardConfig:
     """A servo from outside; None: ours."""
     rule: Source | None = None
     """An election from outside; None: ours."""
+    cadence: Cadence | None = None
+    """None: lockstep."""
     clock: ClockSheet = STEADY
     sensor_sheet: SensorSheet = EXACT
     torque_rate_nm_s: float | None = None
@@ -135,6 +138,7 @@ def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
         ),
         controller=_source(values, board["controller"]),
         rule=_source(values, election["rule"]),
+        cadence=cadence_of(values),
         clock=clock_sheet(board["clock"]),
         sensor_sheet=SensorSheet(**board["sensors"]),
         torque_rate_nm_s=board["actuator"]["torque_rate_nm_s"],

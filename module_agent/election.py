@@ -12,8 +12,8 @@ it is played, and what counts as heard, is not.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from module_agent.config import BoardConfig, ElectionConfig
-from module_agent.consensus import MaxConsensus
+from module_agent.config import ElectionConfig
+from module_agent.consensus import MaxConsensus, Numbered
 from module_agent.controller import Candidate, ElectionRule, Round
 from protocol.frames import NO_EPOCH
 
@@ -79,7 +79,7 @@ class Election:
         if last:
             self._latch(enabled=enabled)
 
-    def relay(self, config: BoardConfig) -> None:
+    def relay(self, config: Numbered) -> None:
         """Have no say any more, but pass on what others say: a chain is as wide as ever."""
         rule = MaxConsensus(config)
         rule.best = self.gossip.best

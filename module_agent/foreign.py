@@ -21,8 +21,7 @@ from typing import Any
 
 from module_agent.config import BoardConfig, Source
 from module_agent.consensus import MaxConsensus
-from module_agent.controller import Candidate, Controller, Round, Seen, Vote
-from module_agent.election import Election
+from module_agent.controller import Candidate, Controller, ElectionRule, Round, Seen, Vote
 from module_agent.servo import servo
 from protocol.scenario import ScenarioError
 from protocol.states import FaultCode
@@ -117,12 +116,9 @@ def controller_of(config: BoardConfig) -> Controller:
     return WalledController(config.controller, config) if config.controller else servo(config)
 
 
-def election_of(config: BoardConfig) -> Election | None:
-    """The election of a board, with our rule or the one that its scenario names."""
-    if config.election is None:
-        return None
-    rule = WalledRule(config.rule, config) if config.rule else MaxConsensus(config)
-    return Election(config.election, rule, board=config.index)
+def rule_of(config: BoardConfig) -> ElectionRule:
+    """The rule of a board's election: ours, or the one that its scenario names."""
+    return WalledRule(config.rule, config) if config.rule else MaxConsensus(config)
 
 
 def check(config: BoardConfig) -> None:

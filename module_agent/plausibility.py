@@ -140,6 +140,10 @@ class Angle:
         """Judge anew from the last reading on, wherever that is: none before it counts any more."""
         self._off_rad, self._ticks = 0.0, NEVER_TICKS
 
+    def skip(self) -> None:
+        """Compare the next reading with none: readings are missing before it."""
+        self._rad = nan
+
     def _considered(
         self, tick: int, rad: float, rad_s: float, witness: float, off_rad: float
     ) -> Verdict:

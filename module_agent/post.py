@@ -6,7 +6,6 @@ Frames of neighbours are looked up in a dictionary that gives each key that it h
 each frame that comes, a reading of the clock: they are kept in order, with their times of arrival.
 """
 
-import os
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -27,9 +26,9 @@ Event = tuple[int, Any]
 class Post:
     """Publishers and subscribers of one board."""
 
-    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str) -> None:
+    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
         self.session = session
-        self.boot = int.from_bytes(os.urandom(8), "little") >> 1
+        self.boot = boot
         """Names this start of the firmware."""
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Observations as they come, everything else with its kind."""
@@ -46,17 +45,11 @@ class Post:
             for neighbour in config.neighbour_joints
         ]
         self._declared = [
-            session.declare_subscriber(
-                keys.observation(rig, joint),
-                zenoh.handlers.Callback(self.events.put, indirect=False),
-            ),
+            session.declare_subscriber(keys.observation(rig, joint), self._observed()),
             session.declare_subscriber(keys.end(rig), self._left(END)),
             *(
-                session.declare_subscriber(
-                    keys.link(rig, neighbour, joint),
-                    zenoh.handlers.Callback(frames.__getitem__, indirect=False),
-                )
-                for neighbour, frames in zip(config.neighbour_joints, self._heard, strict=True)
+                session.declare_subscriber(keys.link(rig, neighbour, joint), self._hearing(link))
+                for link, neighbour in enumerate(config.neighbour_joints)
             ),
             *(link.declare_matching_listener(self._left(MATCHING)) for link in self._links),
             alive.declare_subscriber(keys.plant_alive(rig), self._left(PLANT), history=True),
@@ -111,6 +104,12 @@ class Post:
             self.events.get()
         for frames in self._heard:
             frames.clear()
+
+    def _observed(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        return zenoh.handlers.Callback(self.events.put, indirect=False)
+
+    def _hearing(self, link: int) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        return zenoh.handlers.Callback(self._heard[link].__getitem__, indirect=False)
 
     def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":
         put = self.events.put

@@ -15,12 +15,13 @@ import zenoh
 
 from module_agent.board import Actuation, AnsweredError, Board, ReplacedError
 from module_agent.config import BoardConfig
+from module_agent.enrolling import Enrolling, FinishedError
 from module_agent.post import END, MATCHING, REPLY, Event, Post
 from module_agent.timing import BoardTiming
 from module_agent.watchdog import Watchdog
-from protocol.enrolment import EnrolmentRequest, Verdict, decode_reply, encode_enrolment
-from protocol.exit_codes import ExitCode, refused
-from protocol.frames import VERSION, End, Observation, ProtocolError, Stalled, decode, encode
+from protocol.enrolment import EnrolmentReply
+from protocol.exit_codes import ExitCode
+from protocol.frames import End, Observation, ProtocolError, Stalled, decode, encode
 from protocol.machine import clock_id, effort
 from protocol.scenario import ResolvedScenario
 from protocol.states import State, entered
@@ -37,14 +38,6 @@ TELL_AFTER_S = 0.5
 LOOK_AGAIN_S = 20e-6
 LOOK_AGAIN_S_MAX = 5e-3
 """How often a board with an observation looks for a neighbour's frame that is not here yet."""
-
-
-class FinishedError(Exception):
-    """This board's part is over; says how, as an exit code and a line for the user."""
-
-    def __init__(self, code: int, line: str) -> None:
-        super().__init__(line)
-        self.code = code
 
 
 class Runtime:
@@ -64,15 +57,15 @@ class Runtime:
     ) -> None:
         self.trouble = trouble
         self.config = config
-        self.scenario = scenario
         self.rig = rig
+        self.enrolling = Enrolling(config, scenario, rig=rig.name)
         self.board: Board | None = None
         self.pending: Observation | None = None
         self.last: Actuation | None = None
         """What was said in the last tick."""
         self.timing = BoardTiming(clock=clock_id())
         self._taken_up_ns = 0
-        self._stall_told, self._former_run = False, 0
+        self._stall_told = False
         self._give_up_s = math.inf
         self._early: bytes | None = None
         self.post = post
@@ -87,9 +80,15 @@ class Runtime:
         """The firmware state, also while there is no board yet."""
         return self._waiting_state if self.board is None else self.board.state
 
+    def move(self, post: Post, trouble: str | None) -> None:
+        """Go on from another place on the network."""
+        self.post, self.trouble = post, trouble
+        self._waiting_since = time.monotonic()
+
     def run(self) -> NoReturn:
-        """Enrol, then tick until the run is over. Raises `FinishedError`."""
-        self._waiting_state = entered(self.state, State.ENROLLING)
+        """Enrol, then tick until the run is over. Raises `FinishedError`, or `UnansweredError`."""
+        if self.state is State.BOOT:
+            self._waiting_state = entered(self.state, State.ENROLLING)
         self._ask()
         with Watchdog(lambda: self._rounds, self._report_stuck):
             self._loop()
@@ -186,7 +185,7 @@ class Runtime:
         """Begin anew: what this board has seen so far means nothing any more."""
         self._tell(why)
         if self.last is not None and self.board is not None:
-            self._former_run = self.board.run_id
+            self.enrolling.former_run = self.board.run_id
         if self.state is not State.ENROLLING:
             self._waiting_state = entered(self.state, State.ENROLLING)
         self.board = self.pending = self.last = self._early = None
@@ -198,21 +197,25 @@ class Runtime:
         if reply.ok is None:
             return
         try:
-            answer = decode_reply(reply.ok.payload.to_bytes())
+            answer = self.enrolling.answer(reply.ok.payload.to_bytes())
         except ProtocolError as error:
             self._tell(f"cannot read the plant's answer: {error}")
             return
-        if answer.verdict != Verdict.ACCEPTED:
-            raise FinishedError(refused(answer.verdict), f"refused: {answer.reason}")
         if self.trouble is not None:
             raise FinishedError(ExitCode.NO_NETWORK, self.trouble)
         self._give_up_s = math.inf
-        if self.board is None or (self.last is None and self.board.run_id != answer.run_id):
-            granted = {"run_id": answer.run_id, "incarnation": answer.incarnation}
-            self.board = Board(self.config, **granted)
-            self.timing.begin(**granted)
+        if self.board is None or self._begins_anew(self.board, answer):
+            self.board = self._make_board(answer.run_id, answer.incarnation)
+            self.timing.begin(answer.run_id, answer.incarnation)
             if self._early is not None:
                 self._observe(self._early)
+
+    def _begins_anew(self, board: Board, answer: EnrolmentReply) -> bool:
+        """Whether the plant means another run than the one that this board is in."""
+        return self.last is None and board.run_id != answer.run_id
+
+    def _make_board(self, run_id: int, incarnation: int) -> Board:
+        return Board(self.config, run_id=run_id, incarnation=incarnation)
 
     def _end(self, payload: bytes) -> None:
         try:
@@ -226,18 +229,13 @@ class Runtime:
 
     def _ask(self) -> None:
         """Ask to be let in, or tell the plant that another link has come up."""
-        request = EnrolmentRequest(
-            version=VERSION,
-            rig=self.rig.name,
-            joint=self.config.joint,
-            incarnation=0 if self.board is None else self.board.incarnation,
-            scenario_digest=self.scenario.digest,
+        request = self.enrolling.request(
+            0 if self.board is None else self.board.incarnation,
             boot=self.post.boot,
-            links_up=sum(up << n for n, up in enumerate(self.post.links_up())),
-            former_run=self._former_run,
-            **self.config.link._asdict(),
+            links_up=self.post.links_up(),
+            now_s=time.monotonic(),
         )
-        self.post.ask(encode_enrolment(request), ASK_EVERY_S)
+        self.post.ask(request, ASK_EVERY_S)
 
     def _wait_longer(self) -> None:
         """Nothing came for a while: ask again if not let in yet, and say once what is missing."""

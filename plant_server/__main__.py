@@ -11,10 +11,10 @@ import zenoh
 from plant_server.facts import facts
 from plant_server.options import Options
 from plant_server.post import Post
+from plant_server.realtime import runtime_for
 from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
-from plant_server.runtime import Runtime
 from plant_server.spool import SpoolWriter
-from protocol.durations import duration_s
+from protocol.durations import duration_s, pace
 from protocol.exit_codes import ExitCode
 from protocol.process import (
     StoppedError,
@@ -37,7 +37,10 @@ def main() -> int:
         scenario = load(arguments.scenario, arguments.set)
 
         options = Options(
-            spool=arguments.spool, progress=arguments.progress, patience_s=arguments.patience
+            spool=arguments.spool,
+            progress=arguments.progress,
+            patience_s=arguments.patience,
+            pace=arguments.pace,
         )
         return serve(scenario, options)
     except ScenarioError as error:
@@ -66,7 +69,7 @@ def serve(scenario: ResolvedScenario, options: Options) -> int:
             with restarted_when_stuck():
                 post = Post(session, rig, scenario.joints, records=options.spool is not None)
             with _recording(scenario, options) as writer:
-                outcome = Runtime(post, scenario, rig, options, writer).run()
+                outcome = runtime_for(post, scenario, rig, options, writer).run()
         except OSError as error:
             print(f"plant: cannot write {options.spool}: {error.strerror}", file=sys.stderr)
             return ExitCode.NO_OUTPUT
@@ -127,6 +130,12 @@ def _arguments() -> argparse.Namespace:
         type=duration_s,
         metavar="TIME",
         help="go on without a board that is silent for so long, e.g. 200ms; default: never",
+    )
+    parser.add_argument(
+        "--pace",
+        type=pace,
+        metavar="FACTOR",
+        help="in lockstep, go no faster than so many seconds of the body in one of the wall",
     )
     parser.add_argument("--lifeline", action="store_true", help="end when standard input ends")
     return parser.parse_args()

@@ -14,15 +14,15 @@ COUNTED_MAX = 2**63 - 1
 
 
 def read_answer(
-    payload: bytes, *, board: int, boards: int, run_id: int, incarnation: int, tick: int
+    payload: bytes, *, board: int, boards: int, run_id: int, incarnation: int, tick: int | None
 ) -> TorqueFrame:
-    """Read and check a torque frame. Raises `ProtocolError`."""
+    """Read and check a torque frame, of any tick if `tick` is None. Raises `ProtocolError`."""
     frame = decode(TorqueFrame, payload)
     if frame.run_id != run_id:
         raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
     if frame.incarnation != incarnation:
         raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
-    if frame.tick != tick:
+    if tick is not None and frame.tick != tick:
         raise ProtocolError(Reason.TICK, f"tick {frame.tick}, not {tick}")
     if frame.enabled not in (0, 1) or frame.state not in STATES:
         raise ProtocolError(Reason.RANGE, f"enabled {frame.enabled}, state {frame.state}")

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 from plant_server.body import Spring
 from plant_server.chain import LinkInertia
 from plant_server.hardware import FootSheet, MotorSheet
+from protocol.cadence import Cadence, cadence_of
 from protocol.clocks import ClockSheet, clock_sheet
 from protocol.commands import PERFECT, Command, LinkParameters, changed
 from protocol.sensors import SensorSheet, sensors_of
@@ -42,6 +43,8 @@ class PlantConfig(NamedTuple):
     fallen_below: float
     """Fraction of the upright height of the centre of mass."""
     warm_up_ticks: int
+    cadence: Cadence | None = None
+    """None: lockstep."""
     seed: int = 0
     """Of all noise."""
     sensors: tuple[tuple[str, ...], ...] = ()
@@ -61,7 +64,8 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
     run, boards = values["run"], values["board"]
     orientations = [board["initial_rad"] for board in boards]
     below = [0.0, *orientations[:-1]]
-    foot = boards[0]["foot"]
+    cadence, foot = cadence_of(values), boards[0]["foot"]
+    warm_up_ticks = max(board["lumped_delay_ticks"] for board in boards)
     return PlantConfig(
         joints=tuple(board["joint"] for board in boards),
         segments=tuple(values["link_names"]),
@@ -81,7 +85,8 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
         substeps=run["substeps"],
         ticks=run["ticks"],
         fallen_below=run["fallen_below"],
-        warm_up_ticks=max(board["lumped_delay_ticks"] for board in boards),
+        warm_up_ticks=warm_up_ticks + (cadence.settle_ticks if cadence else 0),
+        cadence=cadence,
         seed=run["seed"],
         sensors=tuple(
             sensors_of(
@@ -92,11 +97,17 @@ def plant_config(values: dict[str, Any]) -> PlantConfig:
             for board in boards
         ),
         sensor_sheets=tuple(SensorSheet(**board["sensors"]) for board in boards),
-        clock_sheets=tuple(clock_sheet(board["clock"]) for board in boards),
+        clock_sheets=tuple(_clock(board["clock"], cadence) for board in boards),
         motor_sheets=tuple(MotorSheet(**board["actuator"]) for board in boards),
         passive=tuple(_passive(board["passive"]) for board in boards),
         foot=None if foot is None else FootSheet(**foot),
     )
+
+
+def _clock(values: dict[str, Any], cadence: Cadence | None) -> ClockSheet:
+    """In realtime boards have clocks, and the plant makes none up."""
+    sheet = clock_sheet(values)
+    return sheet if cadence is None else sheet._replace(skew_ppm=0.0)
 
 
 def _passive(values: dict[str, float]) -> Spring | None:

@@ -8,6 +8,7 @@ import json
 from typing import Any
 from zlib import compress
 
+from plant_server.free_running import FreeRunning
 from plant_server.lockstep import Lockstep
 from plant_server.watch import Watch
 from protocol.commands import PERFECT, Command, CommandError, check_command
@@ -45,7 +46,7 @@ def answer(
 def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
     """How the robot is, in words and numbers."""
     roster, joints = lockstep.roster, watch.joints
-    return {
+    found = {
         "tick": lockstep.tick,
         "tick_s": lockstep.config.tick_s,
         "segments": list(lockstep.config.segments),
@@ -72,6 +73,33 @@ def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
         ],
         "storms": [storm._asdict() for storm in watch.storms.raging],
     }
+    if isinstance(lockstep, FreeRunning):
+        found["realtime"] = _realtime(lockstep, joints)
+    return found
+
+
+def _realtime(plant: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
+    """How each board keeps its deadlines, and how old its torque is."""
+    return [
+        {
+            "joint": joint,
+            "rate_hz": 1.0 / (period * plant.config.tick_s),
+            "periods": tally.periods,
+            "missed": tally.missed,
+            "late_ms_max": tally.late_us_max / 1e3,
+            "torque_age_ticks": None if latest is None else plant.tick - said_tick,
+            "stale_ticks": stale,
+        }
+        for joint, period, tally, latest, said_tick, stale in zip(
+            joints,
+            plant.cadence.ticks_per_period,
+            plant.tallies,
+            plant.latest,
+            plant.said_ticks,
+            plant.stale_ticks,
+            strict=True,
+        )
+    ]
 
 
 def _board(lockstep: Lockstep, watch: Watch, board: int) -> dict[str, Any]:

@@ -12,4 +12,6 @@ class Options(NamedTuple):
     progress: bool
     """Whether a launcher reads what is said on standard output."""
     patience_s: float | None
-    """How long a silent board is waited for; None: for ever."""
+    """How long a silent board is waited for; None: for ever. Realtime waits for nobody."""
+    pace: float | None = None
+    """Seconds of the body in a second of the wall; None: what the scenario says."""

@@ -48,6 +48,10 @@ class Recorder:
             self._unwritten.clear()
             self._keep_timings(timings)
 
+    def keep_realtime(self, board: int, told: bytes | dict[str, float]) -> None:
+        """Keep what a board in realtime has told of its turns; of `PLANT`, its account."""
+        self._writer.keep_realtime(board, told)
+
     def close(self, outcome: Outcome, timings: Timings) -> None:
         """Write the rest: what boards told on their way out, and how the run ended."""
         self.write(timings)

@@ -41,6 +41,8 @@ HURRIED_S = 0.5
 class Runtime:
     """One plant process, from its place on the network to the end of the run."""
 
+    plant_class: type[Lockstep] = Lockstep
+
     def __init__(
         self,
         post: Post,
@@ -53,7 +55,8 @@ class Runtime:
         self.options = options
         self.joints = scenario.joints
         self.enrolment = Enrolment(rig=rig.name, joints=self.joints, digest=scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.enrolment.run_id)
+        config = plant_config(scenario.values)
+        self.lockstep = self.plant_class(config, run_id=self.enrolment.run_id)
         self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = post
         self._released_s: float | None = None
@@ -89,13 +92,17 @@ class Runtime:
             cut_short = STOPPED
         wall_s = 0.0 if self._released_s is None else time.monotonic() - self._released_s
         outcome = self.lockstep.outcome(wall_s, cut_short)
-        self._say(f"{outcome.tick} {wall_s:.6f}")
+        self._conclude(outcome)
+        return outcome
+
+    def _conclude(self, outcome: Outcome) -> None:
+        """Tell everybody that the run is over, hear their last words, and close the recording."""
+        self._say(f"{outcome.tick} {outcome.wall_s:.6f}")
         try:
             self._farewell(outcome.ending)
         finally:
             if self.recorder is not None:
                 self.recorder.close(outcome, self.post.timings())
-        return outcome
 
     def _boundary(self) -> None:
         """Between two ticks: boards come and go."""
@@ -125,7 +132,6 @@ class Runtime:
                 self._handle(self.post.events.get(timeout=LOOK_EVERY_S))
             if time.monotonic() - started > TELL_AFTER_S:
                 self._tell(f"waiting for {joint} to be unplugged: end its process")
-        self._unplugging = None
 
     def _wait_for(self, board: int) -> None:
         """Let boards in until this one is here, and hears and is heard."""
@@ -158,7 +164,7 @@ class Runtime:
                 self._lose_patience()
             now = time.monotonic()
             if now > self.watch.storms.due_s:
-                self._look_for_storms(now)
+                self.watch.tell_storms(now, lockstep, self._tell)
         self._starved.clear()
         walls = Walls(opened_ns, tuple(self._answered_ns), time.monotonic_ns())
         with undisturbed:  # A body that is half way to the next tick is no ending.
@@ -166,10 +172,6 @@ class Runtime:
             if self.recorder is not None:
                 self.recorder.keep(record, walls)
         self.voice.show(record.tick, self._released_s)
-
-    def _look_for_storms(self, now_s: float) -> None:
-        for storm in self.watch.look(now_s, self.lockstep):
-            self._tell(str(storm))
 
     def _lose_patience(self) -> None:
         """Nothing came for a while: say who is waited for; without endless patience, go on."""
@@ -280,6 +282,7 @@ class Runtime:
         self._newcomers.discard(board)
         if self.lockstep.roster.present(board):
             expected = board == self._unplugging
+            self._unplugging = None if expected else self._unplugging
             self.lockstep.remove(board, "unplugged" if expected else "died")
             self._excuse_orphans()
             if not expected and not self._ending:

@@ -35,11 +35,12 @@ class Fault(NamedTuple):
 
 
 class SensorFaults:
-    """Faults of the sensors of one board, which `has` them by these names."""
+    """Faults of the sensors of one board, which `has` them by these names, read `every_ticks`."""
 
-    def __init__(self, has: Sequence[str], chance: Chance) -> None:
+    def __init__(self, has: Sequence[str], chance: Chance, *, every_ticks: int = 1) -> None:
         self._has = has
         self._chance = chance
+        self._every_ticks = every_ticks
         self._faults: dict[str, Fault] = {}
 
     def obey(self, tick: int, sensor: str, kind: str, amount: float, ticks: int) -> None:
@@ -47,7 +48,7 @@ class SensorFaults:
         for name in self._has if sensor == sensors.ALL else [sensor]:
             self._faults.pop(name, None)
             if kind != sensors.OK:
-                kept = int(amount) + 1 if kind == sensors.DELAYED else 1
+                kept = self._readings_in(amount) + 1 if kind == sensors.DELAYED else 1
                 until_tick = tick + ticks if ticks else None
                 self._faults[name] = Fault(kind, amount, tick, until_tick, deque(maxlen=kept))
 
@@ -66,6 +67,10 @@ class SensorFaults:
             for field, value in zip(fields, self._shown(tick, fault, fields, now), strict=True):
                 shown[field] = value
         return tuple(shown)
+
+    def _readings_in(self, ticks: float) -> int:
+        """How many readings so many ticks are, at least one."""
+        return max(1, int(ticks) // self._every_ticks)
 
     def _expire(self, tick: int) -> None:
         over = [
@@ -88,7 +93,8 @@ class SensorFaults:
                 gone = self._chance.uniform(tick, INTERMITTENT) < fault.amount
                 return nothing if gone else now
             case sensors.SLOW:
-                fresh = (tick - fault.since_tick) % int(fault.amount) == 0
+                readings = (tick - fault.since_tick) // self._every_ticks
+                fresh = readings % self._readings_in(fault.amount) == 0
             case sensors.STUCK:
                 fresh = False
             case _:

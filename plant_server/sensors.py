@@ -6,7 +6,8 @@ Rule 1: an exact sensor costs nothing: a board that has no others, and no fault,
         numbers.
 Rule 2: all chance is drawn from seed, board and tick, here, before the readings are sent. So they
         are the same in processes and in the twin, and nobody has to record them.
-Rule 3: readings are taken once in a tick: some sensors remember the last one.
+Rule 3: readings are taken once in a tick, in realtime once in each of a board's periods: some
+        sensors remember the last one.
 """
 
 from itertools import accumulate
@@ -86,12 +87,20 @@ class Differentiator:
 class Instruments:
     """The sensors of a board as its data sheet has them, read when its clock says so."""
 
-    def __init__(self, sheet: SensorSheet, clock: Clock, chance: Chance, *, tick_s: float) -> None:
+    def __init__(
+        self,
+        sheet: SensorSheet,
+        clock: Clock,
+        chance: Chance,
+        *,
+        tick_s: float,
+        every_ticks: int = 1,
+    ) -> None:
         self.sheet = sheet
         self._clock = clock
         self._chance = chance
         self._tick_s = tick_s
-        self._per_tick = 1.0 / sqrt(tick_s)
+        self._per_reading = 1.0 / sqrt(tick_s * every_ticks)
         """A noise density times this is the deviation of one reading."""
         self.differentiator = (
             Differentiator(tick_s=tick_s, filter_s=sheet.joint_rate_filter_s)
@@ -120,7 +129,7 @@ class Instruments:
         )
 
     def _noise(self, tick: int, density: float, purpose: int) -> float:
-        return density * self._per_tick * self._chance.normal(tick, purpose) if density else 0.0
+        return density * self._per_reading * self._chance.normal(tick, purpose) if density else 0.0
 
 
 class Sensors:
@@ -139,9 +148,15 @@ class Sensors:
                 Clock(clock_sheet, seed=config.seed, board=board, tick_s=config.tick_s),
                 Chance(seed=config.seed, board=board),
                 tick_s=config.tick_s,
+                every_ticks=self._every_ticks(board),
             )
         self._special = set(self._instruments)
         """Boards that do not simply get the truth."""
+
+    def _every_ticks(self, board: int) -> int:
+        """How often a board's sensors are read."""
+        cadence = self._config.cadence
+        return 1 if cadence is None else cadence.ticks_per_period[board]
 
     def read(self, body: Body, board: int, tick: int) -> Readings:
         """What a board senses in a tick."""
@@ -170,7 +185,9 @@ class Sensors:
         _, board, sensor, kind, amount, ticks = command
         if board not in self._faults:
             chance = Chance(seed=self._config.seed, board=board)
-            self._faults[board] = SensorFaults(self._config.sensors[board], chance)
+            self._faults[board] = SensorFaults(
+                self._config.sensors[board], chance, every_ticks=self._every_ticks(board)
+            )
             self._special.add(board)
         self._faults[board].obey(tick, sensor, kind, amount, ticks)
 

@@ -24,6 +24,9 @@ from protocol.timing import Timing
 
 CHUNK_BYTES = 1 << 18
 _SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
+_REALTIME = 8
+PLANT = -1
+"""Whose account it is, of a run in realtime, that no board gave."""
 
 
 def to_stderr(line: str) -> None:
@@ -76,6 +79,10 @@ class SpoolWriter:
         """Keep a `Timing` frame of a board, as it came."""
         self._chunks.put(self._pack((_TIMING, board, payload)))
 
+    def keep_realtime(self, board: int, told: bytes | dict[str, float]) -> None:
+        """Keep what a board has told of its own time, as it came; of `PLANT`, its account."""
+        self._chunks.put(self._pack((_REALTIME, board, told)))
+
     def append(self, record: TickRecord, walls: Walls | None) -> None:
         """Keep one tick; in the twin it has no wall times."""
         if self._chunks.trouble is None:
@@ -120,6 +127,13 @@ class Spool(NamedTuple):
     """None: the run was cut off before it could say how it ended."""
     complete: bool
     """Whether the recording has its end: nothing that happened is missing."""
+    realtime: tuple[tuple[int, Any], ...] = ()
+    """Of a run in realtime: traces of boards, each with its number, and the account of `PLANT`."""
+
+    @property
+    def in_realtime(self) -> bool:
+        """Whether nobody waited for anybody in this run."""
+        return self.scenario.get("realtime") is not None
 
 
 def read_spool(path: Path) -> Spool:
@@ -129,6 +143,7 @@ def read_spool(path: Path) -> Spool:
     ticks: list[TickRecord] = []
     walls: list[Walls | None] = []
     timings: list[tuple[int, Timing]] = []
+    realtime: list[tuple[int, Any]] = []
     outcome: Outcome | None = None
     for kind, *fields in _records(path.read_bytes()):
         if kind == _TICK:
@@ -144,11 +159,15 @@ def read_spool(path: Path) -> Spool:
             outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
         elif kind == _FACTS:
             facts |= json.loads(fields[0])
+        elif kind == _REALTIME:
+            board, told = fields
+            realtime.append((board, told))
         else:
             scenario = json.loads(fields[0])
     if scenario is None:
         raise ValueError("it holds no complete chunk of a run")
-    return Spool(scenario, facts, ticks, walls, timings, outcome, outcome is not None)
+    complete = outcome is not None
+    return Spool(scenario, facts, ticks, walls, timings, outcome, complete, tuple(realtime))
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:

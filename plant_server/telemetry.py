@@ -2,7 +2,7 @@
 
 Rule 1: a board counts since its admission, so another incarnation begins anew.
 Rule 2: of a board that has failed, the first report counts; it is an event of the tick in which its
-        last part came, which is the tick in which the board failed.
+        last part came, which in lockstep is the tick in which the board failed.
 """
 
 from collections import Counter
@@ -29,6 +29,8 @@ class Telemetry:
     """Of all boards of one body."""
 
     def __init__(self, size: int) -> None:
+        self.waits = True
+        """Whether ticks wait for boards, so that these speak of the open one."""
         self.failures: list[Failure | None] = [None] * size
         self.refused = [Counter[Reason]() for _ in range(size)]
         """Frames of each board that the plant has refused, since the run began."""
@@ -55,7 +57,7 @@ class Telemetry:
             raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
         if frame.incarnation != incarnation or incarnation == 0:
             raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
-        if frame.tick != tick:
+        if frame.tick != tick and self.waits:
             raise ProtocolError(Reason.TICK, f"tick {frame.tick}, not {tick}")
         if frame.code not in CODES or not frame.text.replace("\n", "").isprintable():
             raise ProtocolError(Reason.RANGE, f"code {frame.code}")

@@ -5,6 +5,7 @@ nothing. It is for whoever asks how the robot is.
 """
 
 from collections import Counter
+from collections.abc import Callable
 
 from plant_server.lockstep import Lockstep
 from protocol.frames import Reason
@@ -39,3 +40,8 @@ class Watch:
                 reason: getattr(counters, f"refused_{reason}") for reason in Reason
             }
         return self.storms.look(now_s, lockstep.tick, {**refused, **self._unreadable})
+
+    def tell_storms(self, now_s: float, lockstep: Lockstep, tell: Callable[[str], None]) -> None:
+        """Look for storms, and tell those."""
+        for storm in self.look(now_s, lockstep):
+            tell(str(storm))

@@ -32,6 +32,11 @@ def fault(rig: str, joint: str) -> str:
     return f"dec/v1/{rig}/{joint}/fault"
 
 
+def trace(rig: str, joint: str) -> str:
+    """One board to the plant, now and then, in realtime: what it lived through."""
+    return f"dec/v1/{rig}/{joint}/@trace"
+
+
 def torque(rig: str, joint: str) -> str:
     """One board to the plant, each tick."""
     return f"dec/v1/{rig}/{joint}/torque"
@@ -63,7 +68,7 @@ def any_alive(rig: str) -> str:
 
 
 def joint_of(key: str) -> str:
-    """The joint that a `stalled` or `fault` key names."""
+    """The joint that a `stalled`, `fault` or `trace` key names."""
     return key.split("/")[-2]
 
 

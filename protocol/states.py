@@ -84,6 +84,16 @@ TRANSITIONS = (
         State.ENROLLING,
         "the plant is gone, or has gone on without it",
     ),
+    Transition(
+        (State.RUNNING,),
+        State.EXTRAPOLATING,
+        "6 to 25 ticks older at one go: turns were left out, in realtime",
+    ),
+    Transition(
+        (State.RUNNING, State.HOLDING),
+        State.RECKONING,
+        "older than that at one go: turns were left out, in realtime",
+    ),
 )
 _LEGAL = frozenset((before, row.after) for row in TRANSITIONS for before in row.before)
 

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 LEASE_LOCKSTEP_MS = 3_600_000
 """A stopped process keeps its place; a killed one shows in milliseconds all the same."""
+LEASE_REALTIME_MS = 400
+"""A stopped process has lost its place when it has been silent for so long (S7)."""
 
 SPARE_SESSIONS_PLANT = 16
 SPARE_SESSIONS_BOARD = 4
@@ -33,6 +35,7 @@ class Rig(NamedTuple):
     host: str
     base_port: int
     boards: int
+    lease_ms: int = LEASE_LOCKSTEP_MS
 
     def endpoint(self, port_offset: int) -> str:
         """Where the plant (offset 0) or board i (offset 1 + i) listens."""
@@ -42,7 +45,8 @@ class Rig(NamedTuple):
 def rig_of(values: dict[str, Any]) -> Rig:
     """Read the rig from the values of a resolved scenario."""
     rig = values["rig"]
-    return Rig(rig["name"], rig["host"], rig["base_port"], len(values["board"]))
+    lease_ms = LEASE_LOCKSTEP_MS if values.get("realtime") is None else LEASE_REALTIME_MS
+    return Rig(rig["name"], rig["host"], rig["base_port"], len(values["board"]), lease_ms)
 
 
 def network_trouble(endpoint: str, detail: str) -> str:
@@ -64,7 +68,10 @@ def neighbours(board: int, boards: int) -> tuple[int, ...]:
 def plant_session(rig: Rig) -> dict[str, Any]:
     """Zenoh configuration of the plant: it listens, boards dial in."""
     return _config(
-        listen=[rig.endpoint(0)], dial=[], sessions_max=rig.boards + SPARE_SESSIONS_PLANT
+        listen=[rig.endpoint(0)],
+        dial=[],
+        sessions_max=rig.boards + SPARE_SESSIONS_PLANT,
+        lease_ms=rig.lease_ms,
     )
 
 
@@ -76,6 +83,7 @@ def board_session(rig: Rig, board: int, *, listens: bool = True) -> dict[str, An
         listen=[rig.endpoint(1 + board)] if listens else [],
         dial=dial,
         sessions_max=degree + SPARE_SESSIONS_BOARD,
+        lease_ms=rig.lease_ms,
     )
 
 
@@ -85,12 +93,13 @@ def elector_session(rig: Rig, board: int, near: Sequence[int]) -> dict[str, Any]
         listen=[rig.endpoint(1 + board)],
         dial=[rig.endpoint(1 + other) for other in near if other < board],
         sessions_max=len(near) + SPARE_SESSIONS_BOARD,
+        lease_ms=rig.lease_ms,
     )
 
 
 def terminal_session(rig: Rig) -> dict[str, Any]:
     """Zenoh configuration of whoever asks the plant something: it dials, nobody dials it."""
-    return _config(listen=[], dial=[rig.endpoint(0)], sessions_max=1)
+    return _config(listen=[], dial=[rig.endpoint(0)], sessions_max=1, lease_ms=rig.lease_ms)
 
 
 def set_runtime_threads() -> None:
@@ -98,7 +107,9 @@ def set_runtime_threads() -> None:
     os.environ.setdefault("ZENOH_RUNTIME", RUNTIME_THREADS)
 
 
-def _config(*, listen: list[str], dial: list[str], sessions_max: int) -> dict[str, Any]:
+def _config(
+    *, listen: list[str], dial: list[str], sessions_max: int, lease_ms: int
+) -> dict[str, Any]:
     return {
         "mode": "peer",
         "listen": {"endpoints": listen, "exit_on_failure": True},
@@ -135,7 +146,7 @@ def _config(*, listen: list[str], dial: list[str], sessions_max: int) -> dict[st
             "link": {
                 "protocols": ["tcp", "unixsock-stream"],
                 "tx": {
-                    "lease": LEASE_LOCKSTEP_MS,
+                    "lease": lease_ms,
                     "keep_alive": 4,
                     "batch_size": 2048,
                     "queue": {"congestion_control": {"block": {"wait_before_close": 50_000}}},

@@ -15,12 +15,14 @@ SCRATCH = {"runs", "build", "__pycache__"}
 """What using the project leaves at the top level."""
 
 RUNTIMES = {
-    "module_agent/__main__.py",
     "module_agent/elector_runtime.py",
     "module_agent/post.py",
+    "module_agent/realtime.py",
     "module_agent/runtime.py",
+    "module_agent/serving.py",
     "plant_server/__main__.py",
     "plant_server/post.py",
+    "plant_server/realtime.py",
     "plant_server/runtime.py",
 }
 TALKS_TO_A_RIG = {"deploy/live.py", "deploy/zenoh_echo.py"}

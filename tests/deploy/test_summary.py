@@ -13,8 +13,8 @@ from deploy.twin import run_twin
 
 KEYS = {
     "scenario", "seed", "mode", "controller", "ending", "ticks", "simulated_s", "wall_s",
-    "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "faults",
-    "degraded", "foot", "versions",
+    "ticks_per_s", "state_sha256", "logical_sha256", "indices", "energy_j", "consensus", "realtime",
+    "faults", "degraded", "foot", "versions",
 }  # fmt: skip
 
 

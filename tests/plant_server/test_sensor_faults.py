@@ -113,3 +113,25 @@ def test_chance_follows_from_seed_and_board(kind: str, amount: float) -> None:
     assert run(1, 1) == run(1, 1)
     assert run(1, 1) != run(2, 1)
     assert run(1, 1) != run(1, 2)
+
+
+@pytest.mark.parametrize("start", [100, 101])
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_a_sensor_that_is_read_seldom_is_slow_and_late_by_the_same_time(
+    start: int, every: int
+) -> None:
+    """In realtime a board's period is several ticks; amounts are in ticks all the same."""
+    ticks = range(100, 300, every)
+    for kind, age_max in (("slow", 20), ("delayed", 20)):
+        broken = SensorFaults(HAS, Chance(seed=1, board=1), every_ticks=every)
+        broken.obey(start, "encoder", kind, 20, 0)
+        ages = [
+            round((truth(tick)[0] - broken.spoil(tick, truth(tick))[0]) / 0.001)
+            for tick in ticks
+            if tick >= start
+        ]
+        assert max(ages) == (age_max if kind == "delayed" else age_max - every)
+        if kind == "delayed":
+            assert set(ages[20 // every + 1 :]) == {20}
+        else:
+            assert ages.count(0) == pytest.approx(len(ages) * every / 20, abs=1)

@@ -88,6 +88,22 @@ def test_the_variance_of_noise_is_its_density_squared_over_a_tick(key: str, fiel
         assert {getattr(one, other) for one in said} == {getattr(TRUTH, other)}
 
 
+def test_noise_is_that_of_the_time_between_two_readings() -> None:
+    """A board that reads at a quarter of the rate averages over four ticks."""
+    sheet, n = SensorSheet(imu_noise_rad_per_sqrt_hz=2e-4), 20_000
+    chance = Chance(seed=1, board=HIP)
+    one = Instruments(
+        sheet,
+        Clock(STEADY, seed=1, board=HIP, tick_s=TICK_S),
+        chance,
+        tick_s=TICK_S,
+        every_ticks=4,
+    )
+    noise = [one.measure(4 * k, TRUTH, imu=True).imu_rad - TRUTH.imu_rad for k in range(n)]
+    variance = sum(x * x for x in noise) / n
+    assert abs(variance / (4e-8 / (4.0 * TICK_S)) - 1.0) < 4.0 * sqrt(2.0 / n)
+
+
 def test_a_board_without_an_imu_gets_no_noise_in_its_place() -> None:
     sheet = SensorSheet(imu_noise_rad_per_sqrt_hz=1.0, imu_bias_rad=1.0)
     said = instruments(sheet).measure(0, TRUTH._replace(imu_rad=0.0, imu_rad_s=0.0), imu=False)

@@ -82,3 +82,4 @@ def test_a_token_names_its_board(rig: str, joint: str, boot: int) -> None:
 def test_a_report_names_its_board(rig: str, joint: str) -> None:
     assert keys.joint_of(keys.stalled(rig, joint)) == joint
     assert keys.joint_of(keys.fault(rig, joint)) == joint
+    assert keys.joint_of(keys.trace(rig, joint)) == joint

@@ -96,3 +96,13 @@ def test_a_cable_that_is_pulled_is_dialled_again_for_ever() -> None:
 def test_the_rig_is_read_from_the_scenario() -> None:
     values = {"rig": {"name": "left", "host": "10.0.0.1", "base_port": 4000}, "board": [{}, {}]}
     assert rig_of(values) == Rig("left", "10.0.0.1", 4000, boards=2)
+
+
+@pytest.mark.parametrize(("mode", "lease_ms"), [({}, 3_600_000), ({"realtime": {}}, 400)])
+def test_who_is_silent_is_gone_in_realtime_and_waited_for_in_lockstep(
+    mode: dict[str, Any], lease_ms: int
+) -> None:
+    """S7: the same lease on both ends of every cable."""
+    rig = {"name": "left", "host": "10.0.0.1", "base_port": 4000}
+    found = _configs(rig_of({"rig": rig, "board": [{}, {}], **mode}))
+    assert {config["transport"]["link"]["tx"]["lease"] for config in found} == {lease_ms}

@@ -1,0 +1,30 @@
+"""Own sensors in realtime: readings are judged when they are new, and by the time between them.
+
+Rule 1: an observation that holds for several turns is one reading. That it says the same again is
+        no sign of a sensor that is stuck.
+Rule 2: after a gap a reading is not compared with the one before it: how the joint has moved
+        meanwhile is not known well enough to accuse a sensor.
+"""
+
+from module_agent.sensing import Readings, Sensing
+from protocol.frames import NO_TICK, Observation
+
+
+class RealtimeSensing(Sensing):
+    """A `Sensing` whose ticks are own periods, some of which have brought no reading."""
+
+    sampled_slot = NO_TICK
+    """The period that the readings given to `read` are of."""
+    _judged_slot = NO_TICK
+
+    def read(self, observation: Observation) -> Readings:
+        """The readings, or those that stand in for them."""
+        sampled, judged = self.sampled_slot, self._judged_slot
+        if sampled == judged:
+            return self._last
+        if sampled != judged + 1:
+            self._joint.skip()
+            if self._imu is not None:
+                self._imu.skip()
+        self._judged_slot = sampled
+        return super().read(observation._replace(tick=sampled))
