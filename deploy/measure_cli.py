@@ -39,9 +39,7 @@ def consensus(
     epochs: Annotated[int, typer.Option(min=1, help="Elections of each case.")] = 1000,
     rounds: Annotated[
         int | None,
-        typer.Option(
-            min=1, max=100_000, help="R: rounds until the boards latch; default: the diameter."
-        ),
+        typer.Option(min=1, max=100_000, help="R: rounds until they latch; default: the diameter."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of urgencies, losses and random graphs.")] = 1,
     processes: Annotated[
