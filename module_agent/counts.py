@@ -1,25 +1,44 @@
 """Counts: where a board keeps each of the numbers that it tells of itself."""
 
-from __future__ import annotations
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
-from typing import TYPE_CHECKING
-
+from module_agent.election import Election
+from module_agent.hearing import Hearing
+from module_agent.sensing import Sensing
 from protocol.frames import Reason
 from protocol.states import COUNTERS, State
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
-    from module_agent.board import Board
+class Counted(Protocol):
+    """What of a board is counted."""
+
+    state_ticks: list[int]
+    """By state."""
+    refused: Counter[Reason]
+    """Observations that could not be used."""
+
+    @property
+    def hearings(self) -> Sequence[Hearing]:
+        """Its links."""
+
+    @property
+    def sensing(self) -> Sensing:
+        """Its sensors."""
+
+    @property
+    def election(self) -> Election | None:
+        """Its part in the elections."""
 
 
-def _refused(reason: Reason) -> Callable[[Board], int]:
+def _refused(reason: Reason) -> Callable[[Counted], int]:
     return lambda board: (
         board.refused[reason] + sum(hearing.refused[reason] for hearing in board.hearings)
     )
 
 
-COUNTS: tuple[Callable[[Board], int], ...] = (
+COUNTS: tuple[Callable[[Counted], int], ...] = (
     lambda board: board.state_ticks[State.HOLDING],
     lambda board: board.state_ticks[State.EXTRAPOLATING],
     lambda board: board.state_ticks[State.RECKONING],
