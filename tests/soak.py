@@ -34,8 +34,9 @@ SAMPLE_EVERY_S = 5.0
 WARM_UP_SHARE = 0.3
 """Of the samples: caches fill, and the allocator takes what it will need."""
 BYTES_PER_TICK_MAX = 1.0
-EARLY_TICKS, LATE_TICKS = 2_000, 12_000
-"""When elements are counted in the twin: all delay lines are full by then, and 100 epochs later."""
+EARLY_TICKS, LATE_TICKS = 2_016, 12_000
+"""When elements are counted in the twin: all delay lines are full by then, and 100 epochs later.
+Both are as long after boards have forgotten old samples, which they do every 32 ticks."""
 FOR_EVER = "run.duration_s=100000"
 
 
