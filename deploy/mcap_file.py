@@ -9,6 +9,7 @@ Rule 3: metadata say what one wants to know without reading on. Named `decmesh`:
 import math
 import os
 import struct
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -21,12 +22,14 @@ from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from deploy import mcap_bodies as bodies
+from deploy import mcap_realtime as realtime
 from deploy import mcap_schema as schema
 from deploy.logical_digest import logical_sha256
-from deploy.mcap_messages import Telling, channels
+from deploy.mcap_messages import NS_MAX, Telling
+from deploy.mcap_schema import Kind
 from deploy.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
-from plant_server.spool import Spool
+from plant_server.spool import PLANT, Spool
 from protocol.timing import Timing
 
 FORMAT = "1"
@@ -133,10 +136,10 @@ def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[in
     writer.start(library="decmesh")
     for name, data in _metadata(spool, telling.scenario.digest).items():
         writer.add_metadata(name, data)
-    numbers = _declare(writer, telling.joints)
+    numbers = _declare(writer, telling.channels)
     sequences = dict.fromkeys(numbers, 0)
     for topic, tick, publish_ns, body in telling.messages(on_tick):
-        log_ns = max(0, RELEASE_NS + round(tick * tick_ns))
+        log_ns = min(max(0, RELEASE_NS + round(tick * tick_ns)), NS_MAX)
         writer.add_message(
             numbers[topic],
             log_time=log_ns,
@@ -148,16 +151,15 @@ def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[in
     writer.finish()
 
 
-def _declare(writer: Writer, joints: list[str]) -> dict[str, int]:
+def _declare(writer: Writer, channels: dict[str, Kind]) -> dict[str, int]:
     """Register schemas and channels; the number of each channel by its topic."""
-    found = channels(joints)
     schemas = {
         kind.name: writer.register_schema(kind.name, "jsonschema", orjson.dumps(kind.schema))
-        for kind in {kind.name: kind for kind in found.values()}.values()
+        for kind in {kind.name: kind for kind in channels.values()}.values()
     }
     return {
         topic: writer.register_channel(topic, "json", schemas[kind.name])
-        for topic, kind in found.items()
+        for topic, kind in channels.items()
     }
 
 
@@ -208,6 +210,9 @@ class _Reading:
         self.walls: dict[int, Walls] = {}
         self.timings: list[tuple[int, Timing]] = []
         self.outcome: Outcome | None = None
+        self.realtime: list[tuple[int, Any]] = []
+        self._told: defaultdict[str, list[bodies.Body]] = defaultdict(list)
+        """By topic: what boards told, of frames that have more to come."""
         self._joints: list[str] = []
         self._events: list[list[Any]] = []
         self._answers: dict[str, bytes] = {}
@@ -216,9 +221,15 @@ class _Reading:
     def spool(self) -> Spool:
         """What has been read."""
         walls = [self.walls.get(record.tick) for record in self.ticks]
-        complete = self.metadata is not None and self.metadata["complete"] == "true"
         return Spool(
-            self.scenario, self.facts, self.ticks, walls, self.timings, self.outcome, complete
+            self.scenario,
+            self.facts,
+            self.ticks,
+            walls,
+            self.timings,
+            self.outcome,
+            complete=self.metadata is not None and self.metadata["complete"] == "true",
+            realtime=tuple(self.realtime),
         )
 
     def describe(self, metadata: dict[str, str]) -> None:
@@ -253,6 +264,19 @@ class _Reading:
                 self.timings.append((board, bodies.to_timing(orjson.loads(data))))
             case schema.OUTCOME.name:
                 self.outcome = bodies.to_outcome(orjson.loads(data))
+            case realtime.TURN.name | realtime.LAST_WORD.name | realtime.PACE.name:
+                self._take_told(kind, topic, orjson.loads(data))
+
+    def _take_told(self, kind: str, topic: str, body: bodies.Body) -> None:
+        """Take what was told of a run in realtime; turns when the last of their frame is there."""
+        if kind == realtime.PACE.name:
+            self.realtime.append((PLANT, realtime.to_pace(body)))
+            return
+        told = self._told[topic]
+        told.append(body)
+        if not body.get("follow"):
+            self.realtime.append((self._joints.index(_joint(topic)), realtime.to_frame(told)))
+            told.clear()
 
 
 def _joint(topic: str) -> str:

@@ -9,26 +9,29 @@ Rule 3: what came from the recording is in them byte for byte, so it can be read
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
 
 from deploy import mcap_bodies as bodies
+from deploy import mcap_realtime as realtime
 from deploy import mcap_schema as schema
 from deploy.epochs import epochs
 from deploy.fates import Settled
 from deploy.mcap_bodies import Body
 from deploy.mcap_schema import Kind
-from deploy.reconstruction import Reconstruction, Told
+from deploy.reconstruction import RealtimeReconstruction, Reconstruction, Told
+from deploy.replay import UnplayableError
 from deploy.trajectory import Trajectory
 from plant_server.record import TickRecord, Walls
-from plant_server.spool import Spool
+from plant_server.spool import PLANT, Spool
+from protocol.cadence import cadence_of
 from protocol.frames import LinkFrame, decode
 from protocol.scenario import resolved
+from protocol.trace import LastWord, Trace, decode_told
 from protocol.wiring import neighbours
 
-SCENARIO, FACTS, PLANT_TICK = "/scenario", "/facts", "/plant/tick"
+SCENARIO, FACTS, PLANT_TICK, PACE = "/scenario", "/facts", "/plant/tick", "/plant/pace"
 EPOCH, EVENT, TIMING, OUTCOME = "/epoch", "/event", "/timing", "/outcome"
-
 
 NS_MAX = 2**63 - 1
 """What fits into the file; a board of another's making may say any time."""
@@ -64,7 +67,17 @@ def link_topic(sender: str, receiver: str) -> str:
     return f"/{sender}/link/{receiver}"
 
 
-def channels(joints: list[str]) -> dict[str, Kind]:
+def turn_topic(joint: str) -> str:
+    """Where a board's turns are, in realtime."""
+    return f"/{joint}/turn"
+
+
+def last_word_topic(joint: str) -> str:
+    """Where the frames are that a board tells of neighbours that are gone."""
+    return f"/{joint}/last_word"
+
+
+def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]:
     """Every channel of a robot's recording, and what its messages say."""
     found = {
         SCENARIO: schema.SCENARIO,
@@ -79,8 +92,15 @@ def channels(joints: list[str]) -> dict[str, Kind]:
         found[observation_topic(joint)] = schema.OBSERVATION
         found[torque_topic(joint)] = schema.TORQUE
         found[timing_topic(joint)] = schema.BOARD_TIMING
+        if in_realtime:
+            found[torque_topic(joint)] = realtime.IN_FORCE
+            found[turn_topic(joint)] = realtime.TURN
+            found[last_word_topic(joint)] = realtime.LAST_WORD
+            continue
         for other in neighbours(board, len(joints)):
             found[link_topic(joint, joints[other])] = schema.LINK
+    if in_realtime:
+        found |= {EPOCH: realtime.ELECTED, PACE: realtime.PACE}
     return found
 
 
@@ -93,6 +113,10 @@ class Held:
         self.fates: list[Settled] = []
 
 
+Account = Trace | LastWord | None
+"""What a board told of its turns; None: it is the plant's account."""
+
+
 class Telling:
     """Turns a recording into messages."""
 
@@ -100,7 +124,12 @@ class Telling:
         self.spool = spool
         self.scenario = resolved(spool.scenario)
         self.joints = self.scenario.joints
-        self._told = Reconstruction(self.scenario)
+        cadence = cadence_of(spool.scenario)
+        self.channels = channels(self.joints, in_realtime=cadence is not None)
+        self._told = RealtimeReconstruction(spool) if cadence else Reconstruction(self.scenario)
+        self._periods = cadence.ticks_per_period if cadence else ()
+        self._accounts = _decoded(spool.realtime if cadence else ())
+        self._next_account = next(self._accounts, None)
         self._held: dict[int, Held] = {}
         self._timings = deque(spool.timings)
         self._epochs = deque(bodies.of_epochs(epochs(run), self.joints))
@@ -124,6 +153,7 @@ class Telling:
             yield from self._tell(tick, held)
         while self._timings:
             yield self._timing()
+        yield from self._realtime(spool.ticks[-1].tick, to_the_end=True)
         if spool.outcome is not None:
             refused = {
                 joint: self._told.refused_by_network(board)
@@ -146,6 +176,8 @@ class Telling:
 
     def _settle(self, settled: list[Settled]) -> None:
         for frame in settled:
+            if frame.said_tick not in self._held:
+                raise UnplayableError(f"a frame of tick {frame.said_tick} is told of again")
             self._held[frame.said_tick].fates.append(frame)
 
     def _tell(self, tick: int, held: Held) -> Iterator[Message]:
@@ -167,6 +199,7 @@ class Telling:
             yield Message(TIMING, tick, walls.closed_ns, bodies.of_walls(tick, walls))
         while self._timings and self._timings[0][1].tick <= tick:
             yield self._timing()
+        yield from self._realtime(tick)
         while self._epochs and self._epochs[0]["tick"] == tick:
             yield Message(EPOCH, tick, 0, self._epochs.popleft())
 
@@ -197,3 +230,27 @@ class Telling:
         board, timing = self._timings.popleft()
         topic = timing_topic(self.joints[board])
         return Message(topic, timing.tick, timing.base_ns, bodies.of_timing(timing))
+
+    def _realtime(self, tick: int, *, to_the_end: bool = False) -> Iterator[Message]:
+        """What boards told of turns that are over by a tick, in the order in which it came."""
+        while self._next_account is not None:
+            board, payload, told = self._next_account
+            if told is None:
+                yield Message(PACE, tick, 0, payload)
+            elif isinstance(told, LastWord):
+                body = realtime.of_last_word(told, payload)
+                yield Message(last_word_topic(self.joints[board]), tick, 0, body)
+            else:
+                period = self._periods[board]
+                if told.lived[-1].slot * period > tick and not to_the_end:
+                    return
+                for body in realtime.of_trace(told, payload, period):
+                    spoken_ns = min((body["woke_us"] + body["busy_us"]) * 1000, NS_MAX)
+                    yield Message(turn_topic(self.joints[board]), body["tick"], spoken_ns, body)
+            self._next_account = next(self._accounts, None)
+
+
+def _decoded(realtime: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any, Account]]:
+    """What boards told; the plant's account as it is. One by one, for a long run has many."""
+    for board, told in realtime:
+        yield board, told, None if board == PLANT else decode_told(told)

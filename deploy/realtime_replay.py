@@ -40,6 +40,8 @@ from protocol.wiring import neighbours
 
 FAULT = "fault"
 """An event that boards tell of; the plant is not asked to make it again."""
+IMPOSSIBLE = AssertionError, LookupError, ProtocolError, TypeError, ValueError
+"""What playing comes to that cannot have been as it is recorded."""
 COMMANDS = frozenset({"link", "heal", "reference", "push", "unplug", "plug", "ready", "sensor"})
 
 
@@ -76,10 +78,9 @@ def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) ->
 
     Raises ValueError for a run in lockstep, or `UnplayableError`.
     """
-    scenario = resolved(spool.scenario)
     if not spool.in_realtime:
         raise ValueError("this run is one in lockstep")
-    plant = _PlantReplay(spool.scenario, _run_id(spool) or run_id(scenario.digest))
+    plant = PlantReplay(spool)
     lives: dict[Life, deque[Lived]] = {}
     words: Words = {}
     said: Said = {}
@@ -101,7 +102,7 @@ def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) ->
         while sum(one.play(said) for one in boards):  # What one has said another may wait for.
             on_tick(half + half * sum(one.played for one in boards) // sum(map(len, boards)))
         torques, differences = _compare(plant, said)
-    except (AssertionError, LookupError, ProtocolError, TypeError, ValueError) as error:
+    except IMPOSSIBLE as error:
         raise UnplayableError(f"a turn cannot have been as it is recorded: {error}") from error
     return Replayed(
         ticks=len(spool.ticks),
@@ -112,12 +113,12 @@ def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) ->
     )
 
 
-class _PlantReplay:
+class PlantReplay:
     """The plant, played from its record."""
 
-    def __init__(self, scenario: dict[str, Any], run: int) -> None:
-        self.run_id = run
-        self.plant = FreeRunning(plant_config(scenario), run_id=run)
+    def __init__(self, spool: Spool) -> None:
+        self.run_id = _run_id(spool) or run_id(resolved(spool.scenario).digest)
+        self.plant = FreeRunning(plant_config(spool.scenario), run_id=self.run_id)
         self.plant.agenda = Agenda([])  # What came of the scenario's events was recorded.
         self.observations: dict[Life, dict[int, bytes]] = {}
         """What each board was told, by tick."""
@@ -125,8 +126,11 @@ class _PlantReplay:
         """Torque frames that were in force, by the tick in which they were said."""
         self.differences: list[str] = []
 
-    def play(self, record: TickRecord) -> None:
-        """Play one tick, and see whether it comes out as recorded."""
+    def play(self, record: TickRecord) -> dict[int, bytes]:
+        """Play one tick, and see whether it comes out as recorded; give the observations.
+
+        Raises one of `IMPOSSIBLE`.
+        """
         plant = self.plant
         for what, *content in record.events:
             if what == "gone":
@@ -136,7 +140,8 @@ class _PlantReplay:
             elif what in COMMANDS:
                 plant.agenda.add(record.tick, [what, *content])
                 plant.begin()
-        for board, payload in plant.open():
+        observations = dict(plant.open())
+        for board, payload in observations.items():
             life = Life(board, plant.roster.incarnations[board])
             self.observations.setdefault(life, {})[record.tick] = payload
         for board, payload in enumerate(record.answers):
@@ -151,6 +156,12 @@ class _PlantReplay:
             now, then = getattr(played, what), getattr(told, what)
             if now != then and not self.differences:
                 self.differences.append(f"tick {record.tick}: {what} {now}, recorded {then}")
+        return observations
+
+    def forget(self) -> None:
+        """Let go of what boards were told, and said, so far."""
+        self.observations.clear()
+        self.in_force.clear()
 
 
 class _BoardReplay:
@@ -159,7 +170,7 @@ class _BoardReplay:
     def __init__(
         self,
         scenario: dict[str, Any],
-        plant: _PlantReplay,
+        plant: PlantReplay,
         life: Life,
         lived: deque[Lived],
         words: Words,
@@ -231,7 +242,7 @@ def _run_id(spool: Spool) -> int | None:
     return None
 
 
-def _compare(plant: _PlantReplay, said: Said) -> tuple[int, list[str]]:
+def _compare(plant: PlantReplay, said: Said) -> tuple[int, list[str]]:
     """Compare torque frames, and with them what they say of the link frames, but for counters."""
     compared, differences = 0, []
     for life, frames in plant.in_force.items():

@@ -47,7 +47,8 @@ class BoardTimes:
     observation_age_ms: Floats
     """Age of the observation that was used, (K,)."""
     neighbour_age_ms: dict[int, Floats]
-    """Of each neighbour, while it was there: how long ago its newest frame had been said."""
+    """Of each neighbour, while it was there as far as the board knew: how long ago its newest frame
+    had been said."""
     torque_age_ms: Floats
     """How long ago the torque in force had been said, in each tick that has one."""
     torque_stale_ticks: int
@@ -142,7 +143,7 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
                 period_ms=_periods_ms(lives[board]),
                 neighbour_age_ms={
                     other: _neighbour_ages_ms(
-                        [turn for turn in lived[board] if there[other](clocks[board].tick(turn))],
+                        [turn for turn in lived[board] if there[other](turn.seen_tick)],
                         link,
                         clocks[board],
                         said_ms[other],

@@ -4,6 +4,8 @@ Rule 1: observations and link frames come out of a replay. A link frame is belie
         the CRC-32 that its sender's receipt in the recording names (S22).
 Rule 2: what boards said that was recorded counts, and not what the replay makes of it. So a run of
         foreign boards, or of another machine's arithmetic, still has its frames' fates.
+Rule 3: in realtime a link frame has no tick in which it ought to be heard, and so no fate: there
+        are observations alone.
 """
 
 from collections import Counter
@@ -11,8 +13,10 @@ from typing import NamedTuple
 
 from deploy.differences import REFUSED
 from deploy.fates import Fates, Settled
-from deploy.replay import Link, Replay
+from deploy.realtime_replay import IMPOSSIBLE, PlantReplay
+from deploy.replay import Link, Replay, UnplayableError
 from plant_server.record import TickRecord
+from plant_server.spool import Spool
 from protocol.frames import (
     CRC_BYTES,
     Observation,
@@ -43,20 +47,19 @@ class Told(NamedTuple):
 
 
 class Reconstruction:
-    """Tells a recording, tick by tick."""
+    """Tells a recording in lockstep, tick by tick."""
 
     def __init__(self, scenario: ResolvedScenario) -> None:
         self.replay = Replay(scenario)
         self.links = list(self.replay.lockstep.roster.links)
-        boards = len(scenario.joints)
-        self._receipts = [len(neighbours(board, boards)) for board in range(boards)]
-        self._fates = Fates(boards)
+        self._receipts = _receipts(len(scenario.joints))
+        self._fates = Fates(len(scenario.joints))
         self._refused: dict[tuple[int, int, int], int] = {}
         """Of each board, incarnation and reason: the last count beyond the replay's own."""
 
     def tick(self, recorded: TickRecord) -> Told:
         """Tell the next tick. Raises `deploy.replay.UnplayableError` or `ProtocolError`."""
-        answers = tuple(map(_read, recorded.answers, self._receipts))
+        answers = _answers(recorded, self._receipts)
         played = self.replay.play(recorded)
         self._count(recorded, played.record, answers)
         links = {
@@ -95,6 +98,43 @@ class Reconstruction:
                     ours = own.answers[board]
                     beyond = answer.counted - (decode(TorqueFrame, ours).counted if ours else 0)
                 self._refused[board, answer.incarnation, answer.counter] = beyond
+
+
+class RealtimeReconstruction:
+    """The same of a recording in realtime."""
+
+    links: tuple[Link, ...] = ()
+
+    def __init__(self, spool: Spool) -> None:
+        self._plant = PlantReplay(spool)
+        self._receipts = _receipts(len(spool.scenario["board"]))
+
+    def tick(self, recorded: TickRecord) -> Told:
+        """Tell the next tick. Raises `deploy.replay.UnplayableError` or `ProtocolError`."""
+        answers = _answers(recorded, self._receipts)
+        try:
+            played = self._plant.play(recorded)
+        except IMPOSSIBLE as error:
+            raise UnplayableError(f"tick {recorded.tick} cannot have been: {error}") from error
+        self._plant.forget()  # Boards are not played on it, and a long run has many frames.
+        observations = {board: decode(Observation, said) for board, said in played.items()}
+        return Told(recorded, answers, observations, {}, [])
+
+    def end(self) -> list[Settled]:
+        """No frame is under way."""
+        return []
+
+    def refused_by_network(self, _board: int) -> dict[str, int]:
+        """Not known: a link model's frames are refused like the network's."""
+        return {}
+
+
+def _receipts(boards: int) -> list[int]:
+    return [len(neighbours(board, boards)) for board in range(boards)]
+
+
+def _answers(recorded: TickRecord, receipts: list[int]) -> Answers:
+    return tuple(map(_read, recorded.answers, receipts))
 
 
 def _read(answer: bytes, links: int) -> TorqueFrame | None:

@@ -13,6 +13,7 @@ from protocol.exit_codes import ExitCode
 from protocol.fingerprint import fingerprint
 
 if TYPE_CHECKING:
+    from deploy.differences import Difference
     from plant_server.spool import Spool
 
 RecordingArgument = Annotated[
@@ -41,8 +42,7 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     """
     # Numpy and the libraries of files are needed only now.
     from deploy.differences import first_difference  # noqa: PLC0415
-    from deploy.false_messages import first_false_message  # noqa: PLC0415
-    from deploy.recording_files import is_mcap, read_spool_of, recording_file  # noqa: PLC0415
+    from deploy.recording_files import read_spool_of, recording_file  # noqa: PLC0415
 
     file = recording_file(recording)
     spool = read_spool_of(file)
@@ -50,13 +50,12 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     if here != there:
         say(f"recorded where numbers are rounded otherwise: fingerprint {there}, here {here}")
     if spool.in_realtime:
-        _replay_realtime(spool, as_json=as_json, same_arithmetic=here == there)
+        _replay_realtime(spool, file, as_json=as_json, same_arithmetic=here == there)
         return
     with ticks_shown(err, "replay", spool.scenario) as on_tick:
         difference = first_difference(spool, on_tick)
-    if difference is None and is_mcap(file):
-        with ticks_shown(err, "messages", spool.scenario) as on_tick:
-            difference = first_false_message(spool, file, on_tick)
+    if difference is None:
+        difference = _false_message(spool, file)
     if as_json:
         facts = {
             "identical": difference is None,
@@ -74,7 +73,18 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
         raise typer.Exit(ExitCode.FAILED)
 
 
-def _replay_realtime(spool: "Spool", *, as_json: bool, same_arithmetic: bool) -> None:
+def _false_message(spool: "Spool", file: Path) -> "Difference | None":
+    """What a file says that does not follow from its own records, if it is one with messages."""
+    from deploy.false_messages import first_false_message  # noqa: PLC0415 - as above
+    from deploy.recording_files import is_mcap  # noqa: PLC0415 - as above
+
+    if not is_mcap(file):
+        return None
+    with ticks_shown(err, "messages", spool.scenario) as on_tick:
+        return first_false_message(spool, file, on_tick)
+
+
+def _replay_realtime(spool: "Spool", file: Path, *, as_json: bool, same_arithmetic: bool) -> None:
     """Play boards again on exactly what they used, at their own times."""
     from deploy.realtime_replay import replay as play_again  # noqa: PLC0415 - as above
     from deploy.replay import UnplayableError  # noqa: PLC0415 - as above
@@ -84,6 +94,8 @@ def _replay_realtime(spool: "Spool", *, as_json: bool, same_arithmetic: bool) ->
             found = play_again(spool, on_tick)
     except UnplayableError as error:
         raise FailedError(ExitCode.FAILED, str(error)) from error
+    if not found.differences and (false := _false_message(spool, file)):
+        found = found._replace(differences=(str(false),))
     if as_json:
         facts = {
             "identical": not found.differences,

@@ -30,11 +30,6 @@ def places(path: Path, folder: Path | None = None) -> tuple[Path, Path]:
 
 def rescue(spool: Spool, target: Path, on_tick: Callable[[int], None]) -> None:
     """Write what was read. Raises `UnreadableError`, or OSError."""
-    if spool.in_realtime:
-        raise UnreadableError(
-            "a run in realtime has no run.mcap: its run.spool is its recording, also when it was"
-            " cut off; decmesh replay, report and export read it"
-        )
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         write_mcap(spool, recorded_trajectory(spool), target, on_tick)

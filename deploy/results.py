@@ -56,15 +56,9 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
 
 
 def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
-    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError.
-
-    The recording of a run in realtime is its spool, and stays.
-    """
+    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError."""
     write_summary(folder / SUMMARY, concluded.summary)
     yield folder / SUMMARY
-    if concluded.spool.in_realtime:
-        yield folder / SPOOL
-        return
     write_mcap(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
     if concluded.spool.complete:
         with suppress(OSError):  # It does no harm if it stays.

@@ -1,16 +1,14 @@
 """Commands that run robots: `decmesh paper`, `decmesh run`."""
 
-import json
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from deploy import run as runs
-from deploy.processes import SCENARIO, SPOOL, RunFailedError, Watch
+from deploy.processes import SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
 from deploy.scenario_cli import ScenarioArgument
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
     from deploy.results import Concluded
 
 RECOVER = "decmesh recover {} makes run.mcap of what was recorded, also in another --out"
-KEPT = "what was recorded is in {}; decmesh replay and decmesh report read it"
 
 
 def _checked_time(text: str | None) -> str | None:
@@ -201,20 +198,12 @@ def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path
             with ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
                 files.extend(results.write(concluded, folder, on_tick))
     except OSError as error:
-        say(f"cannot write to {folder}: {error.strerror}; {_remedy(folder)}")
+        say(f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}")
     except StoppedError:
         if (folder / SPOOL).exists():
-            say(_remedy(folder))
+            say(RECOVER.format(folder))
         raise
     return concluded, files
-
-
-def _remedy(folder: Path) -> str:
-    """What can be made of a run that was cut off."""
-    with suppress(OSError, ValueError):
-        if "realtime" in json.loads((folder / SCENARIO).read_bytes()):
-            return KEPT.format(folder)
-    return RECOVER.format(folder)
 
 
 ALL = (paper, run)

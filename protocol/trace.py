@@ -5,9 +5,10 @@ when. Ticks are told in batches, off the path to the deadline. From them a run i
 every figure of time is made.
 
 A trace is a frame of kind 8, `[version, 8, run_id, incarnation, links, ...]`, and then for each
-tick 8 ints and 2 for each link, the fields of `Lived` in order. `slot`, `woke_us`, `seen_tick` and
-the ticks of `taken` are told as the difference to the tick before in the same frame, to 0 in the
-first. A frame can be read by itself, so a lost one costs its own ticks and no more.
+tick, one at least, 8 ints and 2 for each link, the fields of `Lived` in order. `slot`, `woke_us`,
+`seen_tick` and the ticks of `taken` are told as the difference to the tick before in the same
+frame, to 0 in the first. A frame can be read by itself, so a lost one costs its own ticks and no
+more.
 
 A board that is killed takes its last ticks along. So whoever finds a neighbour gone tells the last
 frames that it took of it, each in a frame of kind 9, `[version, 9, run_id, incarnation, sender,
@@ -36,6 +37,8 @@ HEAD_BYTES_MAX = 3 + 1 + 1 + 9 + 9 + 1
 HEAD_FIELDS = 5
 BODY_BYTES_MAX = FRAME_BYTES_MAX - CRC_BYTES - HEAD_BYTES_MAX
 _FIXED, _PER_LINK = 8, 2
+_TICK_END, _TIME_END = 2**31, 2**63
+"""What slots, ticks and times are below, and not below the negative of."""
 
 
 class Mark(IntFlag):
@@ -103,6 +106,15 @@ class LastWord(NamedTuple):
     """As it came, its CRC included."""
 
 
+def encode_trace(trace: Trace) -> bytes:
+    """Write it as `TraceWriter` does; of more turns than fit into a frame, frames on end."""
+    writer = TraceWriter(
+        run_id=trace.run_id, incarnation=trace.incarnation, links=len(trace.lived[0].taken)
+    )
+    frames = [writer.add(lived) for lived in trace.lived] + [writer.flush()]
+    return b"".join(filter(None, frames))
+
+
 class TraceWriter:
     """Collects the ticks of one board into frames."""
 
@@ -165,7 +177,7 @@ def decode_trace(payload: bytes) -> Trace:
         raise ProtocolError(Reason.MALFORMED, "not a trace")
     run_id, incarnation, links = fields[2:HEAD_FIELDS]
     numbers, size = fields[HEAD_FIELDS:], _FIXED + _PER_LINK * links
-    if not 0 <= links <= LINKS_MAX or len(numbers) % size:
+    if not 0 <= links <= LINKS_MAX or len(numbers) % size or not numbers:
         raise ProtocolError(Reason.MALFORMED, f"{len(numbers)} numbers for {links} links")
     return Trace(run_id, incarnation, tuple(_lived(numbers, size)))
 
@@ -194,5 +206,8 @@ def _lived(numbers: tuple[int, ...], size: int) -> Iterator[Lived]:
         ]
         slot, woke_us, seen_tick = slot + d_slot, woke_us + d_woke, seen_tick + d_seen
         newest = [now + more for now, more in zip(newest, links[::_PER_LINK], strict=True)]
+        ticks_fit = all(-_TICK_END <= tick < _TICK_END for tick in (slot, seen_tick, *newest))
+        if not ticks_fit or not -_TIME_END <= woke_us < _TIME_END:
+            raise ProtocolError(Reason.RANGE, f"slot {slot} or its times are too large")
         taken = tuple(map(Taken, newest, links[1::_PER_LINK]))
         yield Lived(slot, woke_us, late, busy, phase, seen_tick, skipped, marks, taken)

@@ -8,6 +8,7 @@ from plant_server.record import TickRecord, Walls
 from plant_server.spool import Spool
 from protocol.scenario import ResolvedScenario, resolved
 from protocol.timing import TickTiming, Timing
+from tests.realtime.robot import MS, Host, RealtimeRobot
 
 SHORT = {
     "paper": ("run.duration_s=0.3",),
@@ -39,6 +40,16 @@ def played(scenario: ResolvedScenario) -> Spool:
     ticks, outcome = run_twin(scenario)
     walls: list[Walls | None] = [None] * len(ticks)
     return Spool(scenario.values, {"mode": "twin"}, ticks, walls, [], outcome, complete=True)
+
+
+@cache
+def by_the_wall(*settings: str) -> Spool:
+    """What a plant in realtime would leave: a busy host, bad links, a board that comes and goes."""
+    mode = ["run.mode=realtime", "unattended.how=braked", *(settings or SHORT["hotplug"])]
+    link = [[1, 2, {"loss": 0.2, "corrupt": 0.1}]]
+    scenario = resolved({**load("hotplug", mode).values, "link": link})
+    of = RealtimeRobot(scenario, Host(busy=0.05, busy_ns=12 * MS, loss=0.1)).spool()
+    return of._replace(facts=FACTS, walls=[_walls(record) for record in of.ticks])
 
 
 def bad_link(**parameters: float) -> Spool:

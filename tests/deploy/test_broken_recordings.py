@@ -13,7 +13,7 @@ from deploy.failure import FailedError
 from deploy.mcap_file import write_mcap
 from deploy.trajectory import recorded_trajectory
 from protocol.exit_codes import ExitCode
-from tests.deploy.spools import spool, timed
+from tests.deploy.spools import by_the_wall, spool, timed
 from tests.deploy.test_recording_cli import typed
 
 JUNK: tuple[Any, ...] = (
@@ -76,10 +76,11 @@ def spoiled(chance: Random, source: Path, target: Path) -> None:
         writer.finish()
 
 
-@pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["lockstep", "realtime"])
+def source(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = ("event.0.at_s=0.01", "event.1.at_s=0.02", "run.duration_s=0.03")
-    of = timed(spool("hotplug", *settings))
+    lockstep = request.param == "lockstep"
+    of = timed(spool("hotplug", *settings)) if lockstep else by_the_wall(*settings)
     path = tmp_path_factory.mktemp("broken") / "run.mcap"
     write_mcap(of, recorded_trajectory(of), path, lambda _tick: None)
     return path

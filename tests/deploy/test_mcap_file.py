@@ -20,7 +20,7 @@ from deploy.trajectory import recorded_trajectory
 from plant_server.record import FELL, Undriven
 from plant_server.spool import Spool
 from protocol.frames import LinkFrame, Observation, TorqueFrame, decode, encode, seal
-from tests.deploy.spools import SHORT, opened_ns, spool, timed
+from tests.deploy.spools import SHORT, by_the_wall, opened_ns, spool, timed
 
 Found = dict[str, list[tuple[int, int, dict[str, Any]]]]
 """By topic: log time, publish time and body of each message."""
@@ -157,7 +157,9 @@ def problems(value: Any, schema: dict[str, Any], where: str) -> Iterator[str]:
                 yield f"{where} has {name}"
 
 
-@pytest.mark.parametrize("of", [timed(spool("storm")), odd(spool())], ids=["storm", "odd"])
+@pytest.mark.parametrize(
+    "of", [timed(spool("storm")), odd(spool()), by_the_wall()], ids=["storm", "odd", "realtime"]
+)
 def test_every_message_is_what_its_schema_says(tmp_path: Path, of: Spool) -> None:
     path = written(of, tmp_path)
     with path.open("rb") as file:
@@ -167,7 +169,7 @@ def test_every_message_is_what_its_schema_says(tmp_path: Path, of: Spool) -> Non
         channel.topic: json.loads(summary.schemas[channel.schema_id].data)
         for channel in summary.channels.values()
     }
-    assert set(schemas) == set(channels(["ankle", "knee", "hip"]))
+    assert set(schemas) == set(channels(["ankle", "knee", "hip"], in_realtime=of.in_realtime))
     wrong = [
         problem
         for topic, messages in contents(path).items()
@@ -187,10 +189,11 @@ def descriptions(schema: dict[str, Any], where: str) -> Iterator[tuple[str, str]
 def test_every_field_is_described() -> None:
     found = [
         field
-        for kind in channels(["knee", "hip"]).values()
+        for in_realtime in (False, True)
+        for kind in channels(["knee", "hip"], in_realtime=in_realtime).values()
         for field in descriptions(kind.schema, kind.name)
     ]
-    assert len(found) > 80
+    assert len(found) > 160
     assert [name for name, about in found if not about] == []
 
 

@@ -116,6 +116,10 @@ def sealed(*fields: Any) -> bytes:
         (sealed(1, KIND, RUN, 1, 3), Reason.MALFORMED),
         (sealed(1, KIND, RUN, 1, 0, *[1.0] * 8), Reason.MALFORMED),
         (sealed(1, KIND, RUN, True, 0), Reason.MALFORMED),
+        (sealed(1, KIND, RUN, 1, 0), Reason.MALFORMED),
+        (sealed(1, KIND, RUN, 1, 0, 2**31, *[0] * 7), Reason.RANGE),
+        (sealed(1, KIND, RUN, 1, 0, *[0, 2**62, *[0] * 6] * 2), Reason.RANGE),
+        (sealed(1, KIND, RUN, 1, 1, *[0] * 8, -(2**31) - 1, 0), Reason.RANGE),
     ],
 )
 def test_what_is_no_trace_is_refused(payload: bytes, reason: Reason) -> None:

@@ -235,6 +235,15 @@ def test_links_fail_and_boards_come_and_go(tmp_path: Path) -> None:
     assert abs(boards.controlled_rad[-1, 2]) < 0.2
 
 
+@pytest.mark.parametrize("seed", [1, 4, 5])
+def test_a_new_board_has_not_the_age_of_what_the_old_one_said(seed: int) -> None:
+    """Not even in a turn whose board has not been told yet that it is there: its news were lost."""
+    events = ["event.0.at_s=0.2", "event.1.at_s=0.5", "run.duration_s=0.7"]
+    scenario = load("hotplug", ["run.mode=realtime", "unattended.how=braked", *events])
+    spool = RealtimeRobot(scenario, Host(seed=seed, loss=0.3)).spool()
+    assert summed_up(spool)["boards"]["knee"]["neighbour_age_ms"]["hip"]["max"] < 20.0
+
+
 def test_hardware_is_played_again_too(tmp_path: Path) -> None:
     """Broken sensors, slow motors, a foot that tips, a board that takes its time to start."""
     path = tmp_path / "hardware.toml"

@@ -20,6 +20,7 @@ import pytest
 
 from deploy.realtime_replay import replay
 from deploy.realtime_times import turns
+from deploy.recording_files import read_spool_of
 from deploy.results import read_run
 from plant_server.pace import SLIP_S
 from plant_server.spool import PLANT, read_spool
@@ -67,7 +68,9 @@ def check_account(folder: Path, joints: tuple[str, ...] = ("ankle", "knee", "hip
             spread = board[key]
             assert 0.0 <= spread["p50"] <= spread["p99"] <= spread["max"]
     assert found["behind_ms_max"] >= 0.0
-    played = replay(read_spool(folder / "run.spool"))
+    assert (folder / "run.mcap").exists()
+    assert not (folder / "run.spool").exists(), "it goes when the file is whole"
+    played = replay(read_spool_of(folder))
     assert (played.differences, played.unplayed) == ((), 0)
     assert played.torques > 0
 
@@ -87,6 +90,8 @@ def test_the_account_is_right_and_the_run_can_be_played_again(
     assert (run.ticks, run.ending) == (2000, "complete")
     assert run.wall_s > 2.0 - SLIP_S - 0.01, "no faster than the wall clock"
     check_account(tmp_path / "run")
+    replayed = decmesh("replay", str(tmp_path / "run"))
+    assert replayed.stdout.startswith("identical: 2000 ticks, "), replayed.stdout
 
 
 def test_boards_may_differ_and_the_option_is_the_mode(tmp_path: Path) -> None:
@@ -99,7 +104,7 @@ def test_boards_may_differ_and_the_option_is_the_mode(tmp_path: Path) -> None:
     assert done.returncode == ExitCode.OK, done.stderr
     boards = json.loads(done.stdout)["realtime"]["boards"]
     assert [board["rate_hz"] for board in boards.values()] == [50.0, 100.0, 200.0]
-    played = replay(read_spool(folder / "run.spool"))
+    played = replay(read_spool_of(folder))
     assert (played.differences, played.unplayed) == ((), 0)
 
 
@@ -141,7 +146,7 @@ def test_a_clock_that_is_fast_runs_fast(tmp_path: Path) -> None:
     settings = [*SLOW, "run.duration_s=3", *skews]
     done = decmesh("run", "paper", *options(*settings), "--out", str(folder))
     assert done.returncode == ExitCode.OK, done.stderr
-    spool = read_spool(folder / "run.spool")
+    spool = read_spool_of(folder)
     ankle, _knee, hip = (periods_per_slot(life) for (life,) in turns(spool))
     assert ankle / hip == pytest.approx(1.02, abs=0.008)
     assert replay(spool).differences == ()
@@ -221,8 +226,8 @@ def test_commands_deaths_and_a_frozen_board(launched: Launched) -> None:
     _, errors = run.launcher.communicate(timeout=30)
     assert run.launcher.returncode == ExitCode.STOPPED
     assert "Traceback" not in errors
-    assert "run.spool: the run until then" in errors
-    spool = read_spool(run.folder / "run.spool")
+    assert "run.mcap: the run until then" in errors
+    spool = read_spool_of(run.folder)
     gone = [event[1] for record in spool.ticks for event in record.events if event[0] == "gone"]
     assert {0, 1, 2} <= set(gone)
     assert replay(spool).differences == ()
