@@ -14,11 +14,11 @@ from rich.console import Group
 
 from deploy import figures
 from deploy.logical_digest import logical_sha256
-from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
 from deploy.realtime_table import realtime_table
 from deploy.realtime_times import realtime_times
 from deploy.recording_files import MCAP, read_spool_of
+from deploy.recovery import rescue
 from deploy.run import SUMMARY
 from deploy.summary import Mode, Summary, summary, write_summary
 from deploy.table import report
@@ -56,10 +56,13 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
 
 
 def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
-    """Write `summary.json`, then `run.mcap`; give each when it is there. Raises OSError."""
+    """Write `summary.json`, then `run.mcap`; give each when it is there.
+
+    Raises OSError, or `UnreadableError` when what boards have said cannot have come from boards.
+    """
     write_summary(folder / SUMMARY, concluded.summary)
     yield folder / SUMMARY
-    write_mcap(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
+    rescue(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
     if concluded.spool.complete:
         with suppress(OSError):  # It does no harm if it stays.
             (folder / SPOOL).unlink()

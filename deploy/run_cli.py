@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from deploy import run as runs
+from deploy.failure import FailedError
 from deploy.processes import SPOOL, RunFailedError, Watch
 from deploy.progress import ticks_shown
 from deploy.scenario import load
@@ -199,6 +200,8 @@ def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path
                 files.extend(results.write(concluded, folder, on_tick))
     except OSError as error:
         say(f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}")
+    except FailedError as error:
+        say(f"no run.mcap: {error}; {folder / SPOOL} stays")
     except StoppedError:
         if (folder / SPOOL).exists():
             say(RECOVER.format(folder))

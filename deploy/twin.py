@@ -36,7 +36,12 @@ class Twin:
             self._plug(board)
 
     def tick(self) -> TickRecord:
-        """Play one tick of all processes, in an order that no board can notice."""
+        """Play one tick."""
+        self.play_boards()
+        return self.lockstep.close()
+
+    def play_boards(self) -> None:
+        """All of a tick but its end, in an order of boards that none of them can notice."""
         lockstep = self.lockstep
         self._boundary()
         said = []
@@ -50,7 +55,6 @@ class Twin:
             said.append((firmware, actuation.links))
         for sender, payloads in said:
             self._deliver(sender, payloads)
-        return lockstep.close()
 
     def run(self) -> Iterator[TickRecord]:
         """Play ticks, warm-up included, until the run is over."""

@@ -13,6 +13,7 @@ from mcap.writer import Writer
 from pyarrow import parquet
 from typer.testing import CliRunner, Result
 
+from deploy import results
 from deploy.cli import app
 from deploy.failure import FailedError
 from deploy.indices import all_indices
@@ -62,6 +63,18 @@ def spooled(of: Spool, folder: Path) -> Path:
             writer.append(record, walls)
         writer.close(of.outcome)
     return path
+
+
+def test_a_run_that_cannot_have_been_has_a_summary_and_its_spool(tmp_path: Path) -> None:
+    """Such as of foreign boards. It is told in a line; what was recorded stays."""
+    of = of_here()
+    ticks = [*of.ticks[:50], of.ticks[50]._replace(events=(["plug", 99],)), *of.ticks[51:]]
+    spooled(of._replace(ticks=ticks), tmp_path)
+    concluded = results.conclude(tmp_path, "twin")
+    assert concluded is not None
+    with pytest.raises(UnreadableError, match=r"plug.*cannot have happened"):
+        list(results.write(concluded, tmp_path, lambda _tick: None))
+    assert {path.name for path in tmp_path.iterdir()} == {"run.spool", "summary.json"}
 
 
 @pytest.mark.parametrize("command", ["replay", "recover", "export"])

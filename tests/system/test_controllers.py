@@ -2,6 +2,9 @@
 
 import json
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +18,7 @@ from deploy.twin import run_twin
 from protocol.enrolment import Verdict
 from protocol.exit_codes import ExitCode, refused
 from tests.module_agent.outside import SERVO
-from tests.system.rig import Rig, decmesh, eventually, said
+from tests.system.rig import Rig, decmesh, eventually, recorded_ticks, said
 
 SHORT = "run.duration_s=0.4"
 
@@ -170,3 +173,20 @@ def test_a_failed_board_is_shown_and_can_be_exchanged(
     assert status(rig)["boards"][1]["fault"] is None
     plant.send_signal(signal.SIGINT)
     plant.wait(30)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_twin_in_which_a_controller_hangs_can_be_stopped(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    """In the middle of a tick, of which nothing is left; of those before there is everything."""
+    file = named(tmp_path, "while seen.tick == 300:\n            pass\n        return 0.0")
+    run = tmp_path / "run"
+    command = [sys.executable, "-m", "deploy", "run", file, "--twin", "--out", str(run)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        eventually(lambda: recorded_ticks(run / "run.spool") > 200)
+        time.sleep(0.5)  # It is there long before.
+        process.send_signal(number)
+        assert process.wait(30) == ExitCode.STOPPED
+    assert json.loads((run / "summary.json").read_text())["ticks"] == 300
+    assert decmesh("replay", str(run)).stdout == "identical: 300 ticks\n"
