@@ -85,8 +85,9 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     ):
         try:
             while not twin.lockstep.over:
+                twin.think()  # Somebody's controller may never come back: Ctrl-C ends it.
                 with undisturbed:
-                    record = twin.tick()
+                    record = twin.lockstep.close()
                     spool.append(record, None)
                 if record.tick == 0:
                     started = time.monotonic()

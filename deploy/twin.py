@@ -37,6 +37,14 @@ class Twin:
 
     def tick(self) -> TickRecord:
         """Play one tick of all processes, in an order that no board can notice."""
+        self.think()
+        return self.lockstep.close()
+
+    def think(self) -> None:
+        """Open a tick, and have every board think. What they do not come back from can be stopped.
+
+        The body has not moved yet: `lockstep.close` does that.
+        """
         lockstep = self.lockstep
         self._boundary()
         said = []
@@ -50,7 +58,6 @@ class Twin:
             said.append((firmware, actuation.links))
         for sender, payloads in said:
             self._deliver(sender, payloads)
-        return lockstep.close()
 
     def run(self) -> Iterator[TickRecord]:
         """Play ticks, warm-up included, until the run is over."""
