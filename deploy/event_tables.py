@@ -151,7 +151,10 @@ def directed_pairs(link: str, joints: Sequence[str], *, one_way: bool) -> Pairs:
     """
     if link == "all":
         return []
-    names = link.split("-")
+    one, dash, other = link.partition("-")
+    if not dash:
+        raise MeaningError(f"link: {link!r} is no link; write it like {'-'.join(joints[:2])}")
+    names = one, other
     for name in names:
         if name not in joints:
             raise MeaningError(f"link: there is no joint {name!r}; there are {', '.join(joints)}")
