@@ -25,7 +25,8 @@ from protocol.commands import DELAY_TICKS_MAX, PERFECT, Command
 Probability = Annotated[float, Field(ge=0, le=1)]
 Milliseconds = Annotated[float, Field(ge=0, le=100_000)]
 Seconds = Annotated[float, Field(ge=0, le=100_000)]
-LinkName = Annotated[str, Field(pattern=r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$")]
+LINK_PATTERN = r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$"
+LinkName = Annotated[str, Field(pattern=LINK_PATTERN)]
 
 
 class Faulty(BaseModel):
