@@ -25,7 +25,8 @@ from protocol.commands import DELAY_TICKS_MAX, PERFECT, Command
 Probability = Annotated[float, Field(ge=0, le=1)]
 Milliseconds = Annotated[float, Field(ge=0, le=100_000)]
 Seconds = Annotated[float, Field(ge=0, le=100_000)]
-LinkName = Annotated[str, Field(pattern=r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$")]
+LINK_PATTERN = r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$"
+LinkName = Annotated[str, Field(pattern=LINK_PATTERN)]
 
 
 class Faulty(BaseModel):
@@ -151,7 +152,10 @@ def directed_pairs(link: str, joints: Sequence[str], *, one_way: bool) -> Pairs:
     """
     if link == "all":
         return []
-    names = link.split("-")
+    one, dash, other = link.partition("-")
+    if not dash:
+        raise MeaningError(f"link: {link!r} is no link; write it like {'-'.join(joints[:2])}")
+    names = one, other
     for name in names:
         if name not in joints:
             raise MeaningError(f"link: there is no joint {name!r}; there are {', '.join(joints)}")

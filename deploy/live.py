@@ -5,6 +5,7 @@ Every command goes to the plant, which puts it in order with all others and tell
 
 import json
 import time
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 from zlib import decompress
@@ -41,7 +42,8 @@ def find_rig(wanted: str | None) -> Rig:
         if port.isdigit():
             return Rig(name or "robot", host, int(port), 0)
     found = rigs.running()
-    fitting = [rig for rig in found if wanted is None or wanted in _names(rig)]
+    called = set() if wanted is None else {wanted, str(Path(wanted).resolve())}
+    fitting = [rig for rig in found if wanted is None or called & _names(rig)]
     if len(fitting) == 1:
         rig = fitting[0]
         return Rig(rig["name"], rig["host"], rig["base_port"], 0)
@@ -49,7 +51,9 @@ def find_rig(wanted: str | None) -> Rig:
         line = "no robot is running; start one with decmesh run, or say --rig HOST:PORT"
         raise LiveError(ExitCode.BAD_INPUT, line)
     known = ", ".join(f"{rig['base_port']} ({rig['scenario']}, {rig['run']})" for rig in found)
-    which = "several robots are running" if wanted is None else f"{wanted!r} is not one of them"
+    which = "several robots are running"
+    if wanted is not None:
+        which = f"{'several robots are' if fitting else 'no running robot is'} called {wanted!r}"
     raise LiveError(ExitCode.BAD_INPUT, f"{which}; choose with --rig: {known}")
 
 

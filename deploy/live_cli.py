@@ -10,9 +10,9 @@ from rich.table import Table
 from deploy.sensor_faults import fault_amount
 from deploy.status import status_shown
 from deploy.terminal import JsonOption, out, print_json
-from deploy.ticks import MeaningError
+from deploy.ticks import MeaningError, whole_ticks
 from protocol import sensors
-from protocol.commands import Command
+from protocol.commands import DELAY_TICKS_MAX, Command
 
 RigOption = Annotated[
     str | None,
@@ -99,8 +99,12 @@ def delay(
     late_s = quantity(time, "time")
 
     def command(status: dict[str, Any], live: Any) -> Command:
-        ticks = float(round(late_s / status["tick_s"]))
-        return ["link", live.pairs_of(link, status, one_way=one_way), {"delay_ticks": ticks}]
+        pairs, tick_ms = live.pairs_of(link, status, one_way=one_way), 1e3 * status["tick_s"]
+        ticks = whole_ticks(1e3 * late_s, tick_ms)
+        if ticks is None or not 0 <= ticks <= DELAY_TICKS_MAX:
+            most = f"{DELAY_TICKS_MAX * tick_ms:g} ms, in whole ticks of {tick_ms:g} ms"
+            raise typer.BadParameter(f"{time!r} cannot be; a delay is from 0 to {most}")
+        return ["link", pairs, {"delay_ticks": float(ticks)}]
 
     _do(command, rig, as_json=as_json)
 

@@ -19,7 +19,7 @@ from deploy.drawing import INK, PALE, board_colour, spans
 from deploy.epochs import NOT_KNOWN, Epochs
 from deploy.figures import DOTS_PER_INCH, WIDTH_IN
 from deploy.recording import Recording
-from deploy.report_happenings import Kind, Span
+from deploy.report_happenings import Kind, Span, absence
 from deploy.report_links import missed_share
 from deploy.report_timeline import LOOKS, draw_timeline, lanes_of
 
@@ -129,14 +129,16 @@ def _draw_enabled(axes: Axes, run: Strips) -> None:
     """One row per board: filled while enabled, hatched without a board; wrong epochs on top."""
     trajectory, tick_s = run.recording.trajectory, _tick_s(run)
     joints = _joints(run)
+    named = False
     for board in range(len(joints)):
         bars = _bars(trajectory.enabled[:, board] > 0, tick_s)
         colour = board_colour(board, len(joints))
         axes.broken_barh(bars, (board - 0.38, 0.76), facecolors=colour, linewidth=0)
         gone = _bars(trajectory.state[:, board] == 0, tick_s)
         hatched = axes.broken_barh(gone, (board - 0.38, 0.76), linewidth=0.0, **LOOKS[Kind.AWAY])
-        if gone:
-            hatched.set_label("no board")
+        if gone and not named:
+            hatched.set_label(absence(trajectory.scenario))
+        named = named or bool(gone)
     top, names = len(joints), [*joints]
     if run.epochs is not None:
         names.append("not one")

@@ -85,7 +85,7 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
     ):
         try:
             while not twin.lockstep.over:
-                twin.play_boards()  # May hang in a controller from outside; a stop ends that.
+                twin.think()  # Somebody's controller may never come back: Ctrl-C ends it.
                 with undisturbed:
                     record = twin.lockstep.close()
                     spool.append(record, None)

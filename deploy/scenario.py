@@ -16,10 +16,10 @@ from pydantic import BaseModel, ValidationError
 
 from deploy import controllers
 from deploy.board_tables import resolved_hardware
-from deploy.event_tables import commands, merged_links
+from deploy.event_tables import LINK_PATTERN, commands, merged_links
 from deploy.realtime_tables import resolve_realtime
 from deploy.scenario_misfits import body_of, misfits
-from deploy.scenario_tables import BoardTable, Scenario
+from deploy.scenario_tables import NAME_PATTERN, BoardTable, Scenario
 from deploy.ticks import whole_ticks
 from module_agent.config import Source
 from protocol.scenario import ResolvedScenario, ScenarioError, resolved
@@ -118,6 +118,13 @@ def _apply(tree: dict[str, Any], override: str) -> Iterator[str]:
         yield f"--set {override}: there is no {path!r} to set"
 
 
+WRITTEN = {
+    LINK_PATTERN: "is no link; write it like ankle-knee, or all",
+    NAME_PATTERN: "is no name; it takes lower case, digits and _, a letter first, 16 at most",
+}
+"""What is wrong with a text that does not match a pattern."""
+
+
 def _complaints(error: ValidationError) -> Iterator[str]:
     for issue in error.errors():
         path = ".".join(map(str, issue["loc"]))
@@ -125,6 +132,8 @@ def _complaints(error: ValidationError) -> Iterator[str]:
         if issue["type"] == "extra_forbidden":
             *parents, key = issue["loc"]
             message = f"unknown key; {_hint(str(key), _keys_at(parents))}"
+        elif issue["type"] == "string_pattern_mismatch":
+            message = f"{issue['input']!r} {WRITTEN.get(issue['ctx']['pattern'], 'cannot be')}"
         yield f"{path}: {message[0].lower()}{message[1:]}"
 
 

@@ -23,7 +23,8 @@ from deploy.event_tables import (
 )
 from deploy.realtime_tables import Rate, RealtimeTable
 
-Name = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,15}$")]
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,15}$"
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Duration = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]

@@ -22,7 +22,10 @@ def status_shown(now: dict[str, Any]) -> Iterator[Table | str]:
         yield f"{broken['joint']}: {broken['sensor']} is {broken['fault']}"
     links = Table("link", "faults", "", box=None)
     for link in now["links"]:
-        faults = ", ".join(f"{name} {value:g}" for name, value in link["faults"].items())
+        faults = ", ".join(
+            "cut" if name == "cut" else f"{name} {value:g}"
+            for name, value in link["faults"].items()
+        )
         one_way = "not heard" if link["one_way"] else ""
         links.add_row(f"{link['from']} to {link['to']}", faults or "none", one_way)
     yield links

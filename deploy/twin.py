@@ -36,12 +36,15 @@ class Twin:
             self._plug(board)
 
     def tick(self) -> TickRecord:
-        """Play one tick."""
-        self.play_boards()
+        """Play one tick of all processes, in an order that no board can notice."""
+        self.think()
         return self.lockstep.close()
 
-    def play_boards(self) -> None:
-        """All of a tick but its end, in an order of boards that none of them can notice."""
+    def think(self) -> None:
+        """Open a tick, and have every board think. What they do not come back from can be stopped.
+
+        The body has not moved yet: `lockstep.close` does that.
+        """
         lockstep = self.lockstep
         self._boundary()
         said = []

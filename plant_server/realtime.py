@@ -34,6 +34,9 @@ COMPLAIN_EVERY_S = 1.0
 class PacedRuntime(Runtime):
     """A plant whose ticks are tied to the wall clock."""
 
+    late = "the run did not keep"
+    """It may be the host, or a board that was waited for."""
+
     def __init__(
         self,
         post: Post,
@@ -64,8 +67,7 @@ class PacedRuntime(Runtime):
     def _tell_pace(self) -> None:
         if self.pace.slipped_s > 0.0:
             self._tell(
-                f"the host is too slow for {self.aim}:"
-                f" {self.pace.slipped_s:.2f} s of wall time were given up"
+                f"{self.late} {self.aim}: {self.pace.slipped_s:.2f} s of wall time were given up"
             )
 
 
@@ -73,6 +75,7 @@ class RealtimeRuntime(PacedRuntime):
     """A plant that waits for nobody but the wall clock."""
 
     plant_class = FreeRunning
+    late = "the host is too slow for"
     lockstep: FreeRunning
 
     def __init__(

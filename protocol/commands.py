@@ -17,6 +17,7 @@ A command is a plain list, the same in a resolved scenario, on the wire and in a
 What concerns a board reaches it as a `BoardCommand` inside its observation.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import msgpack
@@ -114,7 +115,10 @@ def check_command(command: Command, joints: list[str]) -> None:
         case ["reference", int(board), float(rad)]:
             _check_board(board, joints)
             if not abs(rad) <= RAD_MAX:
-                raise CommandError(f"a reference of {rad} rad is beyond {RAD_MAX} rad")
+                most_deg = math.degrees(RAD_MAX)
+                raise CommandError(
+                    f"a reference of {math.degrees(rad):g}° is beyond {most_deg:.0f}°"
+                )
         case ["push", int(link), float(force_n), int(ticks)]:
             _check_board(link, joints)
             if not abs(force_n) <= FORCE_N_MAX:

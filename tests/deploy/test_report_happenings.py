@@ -105,6 +105,24 @@ def test_healing_ends_faults_for_good() -> None:
     ]
 
 
+def test_a_sensor_fails_until_its_time_is_over_or_another_command_comes() -> None:
+    trajectory = run("paper", "run.duration_s=0.5")
+    events = [
+        (100, ["sensor", 1, "encoder", "stuck", 0.0, 50]),
+        (200, ["sensor", 0, "encoder", "off", 0.0, 0]),
+        (300, ["sensor", 0, "all", "garbage", 0.0, 0]),
+        (400, ["sensor", 0, "encoder", "ok", 0.0, 0]),
+        (450, ["sensor", 2, "imu", "slow", 20.0, 900]),
+    ]
+    spans = timeline(replace(trajectory, events=events))
+    assert [(span.lane, span.first_tick, span.end_tick, span.label) for span in spans] == [
+        ("knee sensors", 100, 150, "encoder stuck"),
+        ("ankle sensors", 200, 300, "encoder off"),
+        ("ankle sensors", 300, 400, "all of them garbage"),
+        ("hip sensors", 450, 500, "imu slow"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("event", "words"),
     [
@@ -120,9 +138,14 @@ def test_healing_ends_faults_for_good() -> None:
         (["admitted", 1, 2], "knee: admitted, incarnation 2"),
         (["energy_lost_j", 1, 0.125], "knee: joint braked, which took 0.125 J"),
         (["sides", [[0], [2]]], "cut apart: ankle | hip"),
+        (["sides", []], "connected: no board"),
         (["sides", [[0, 1, 2]]], "connected: ankle, knee, hip"),
         (["ready", 1], "knee: has started up"),
-        (["sensor", 1, "encoder", "stuck", 0.0, 60], "knee: sensor encoder is stuck"),
+        (["sensor", 1, "encoder", "stuck", 0.0, 60], "knee: sensor encoder is stuck for 60 ms"),
+        (["sensor", 1, "imu", "off", 0.0, 0], "knee: sensor imu is off"),
+        (["sensor", 1, "all", "off", 0.0, 60], "knee: all sensors are off for 60 ms"),
+        (["torque_stale", 1], "knee: its torque is too old, so 0 N m are applied"),
+        (["torque_fresh", 1], "knee: a new torque has come"),
         (["sensor", 1, "encoder", "ok", 0.0, 0], "knee: sensor encoder is whole again"),
         (["tipping", True], "the foot begins to tip"),
         (["tipping", False], "the foot is flat again"),

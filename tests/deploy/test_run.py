@@ -1,6 +1,7 @@
 """A run has a folder of its own, and leaves its recording there."""
 
 import resource
+import signal
 import time
 from pathlib import Path
 
@@ -9,9 +10,11 @@ import pytest
 from deploy.processes import SPOOL, RunFailedError, Watch
 from deploy.run import new_folder, run
 from deploy.scenario import load
-from plant_server.record import COMPLETE
+from plant_server.record import COMPLETE, STOPPED
 from plant_server.spool import Spool, read_spool
 from protocol.exit_codes import ExitCode
+from protocol.process import StoppedError, stop_on_signals
+from tests.module_agent.outside import servo
 
 
 def test_runs_of_the_same_second_get_folders_of_their_own(
@@ -47,6 +50,35 @@ def test_the_twin_records_what_it_does_but_no_wall_times(tmp_path: Path) -> None
     assert spool.facts["mode"] == "twin"
     assert spool.outcome is not None
     assert (spool.outcome.ending, spool.complete) == (COMPLETE, True)
+
+
+ENDLESS = "import os, signal, time"
+ENDLESS += "; seen.tick == 20 and (os.kill(os.getpid(), signal.SIGINT), time.sleep(10))"
+ENDLESS += "; return 0.0"
+"""Presses Ctrl-C, and does not come back for long."""
+
+
+def test_ctrl_c_ends_a_twin_whose_controller_does_not_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tick that was open is no part of the run."""
+    monkeypatch.chdir(tmp_path)
+    servo(tmp_path, ENDLESS)
+    scenario = load("paper", ["board.1.controller=my_servo:Mine"])
+    ticks: list[int] = []
+    watch = Watch(on_tick=ticks.append, on_line=lambda _line: None)
+    handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM)]
+    stop_on_signals()
+    try:
+        with pytest.raises(StoppedError):
+            run(scenario, tmp_path, twin=True, watch=watch)
+    finally:
+        for number, handler in handlers:
+            signal.signal(number, handler)
+    spool = read_spool(tmp_path / SPOOL)
+    assert ticks[-1] == spool.ticks[-1].tick == 19
+    assert spool.outcome is not None
+    assert spool.outcome.ending == STOPPED
 
 
 def test_a_full_disk_is_told_and_the_twin_goes_on(tmp_path: Path) -> None:

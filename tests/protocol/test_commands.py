@@ -87,7 +87,7 @@ IMPOSSIBLE: list[tuple[Any, str]] = [
     (["heal", [[2, 0]]], "hip and ankle have no link"),
     (["reference", 3, 0.0], "there is no board 3"),
     (["reference", 0, "5deg"], "not a command"),
-    *((["reference", 0, value], "is beyond 3.2 rad") for value in (3.3, -3.3, nan, inf)),
+    *((["reference", 0, value], "is beyond 183°") for value in (3.3, -3.3, nan, inf)),
     (["push", 3, 40.0, 10], "there is no board 3"),
     *((["push", 0, value, 10], "is beyond 10000 N") for value in (1.1e4, -1.1e4, nan, -inf)),
     *((["push", 0, 1.0, ticks], "a push lasts 1 to") for ticks in (0, -1, 10**8, True)),
