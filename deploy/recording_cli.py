@@ -130,12 +130,11 @@ def recover(
     from deploy.logical_digest import logical_sha256  # noqa: PLC0415 - as above
     from deploy.recording_files import read_spool_of  # noqa: PLC0415 - as above
     from deploy.recovery import places, rescue  # noqa: PLC0415 - as above
-    from deploy.trajectory import recorded_trajectory  # noqa: PLC0415 - as above
 
     source, target = places(recording, out_folder)
     spool = read_spool_of(source, whole=False)
     with ticks_shown(err, "recover", spool.scenario) as on_tick, writing(target):
-        rescue(spool, recorded_trajectory(spool), target, on_tick)
+        rescue(spool, target, on_tick)
     if as_json:
         facts = {"file": target, "ticks": spool.ticks[-1].tick + 1, "complete": spool.complete}
         print_json({**facts, "logical_sha256": logical_sha256(spool)})

@@ -10,7 +10,7 @@ from deploy.mcap_file import write_mcap
 from deploy.processes import SPOOL
 from deploy.recording_files import UnreadableError, recording_file
 from deploy.replay import UnplayableError
-from deploy.trajectory import Trajectory
+from deploy.trajectory import Trajectory, recorded_trajectory
 from plant_server.spool import Spool
 from protocol.frames import ProtocolError
 
@@ -28,10 +28,15 @@ def places(path: Path, folder: Path | None = None) -> tuple[Path, Path]:
     return source, target if folder is None else folder / target.name
 
 
-def rescue(spool: Spool, run: Trajectory, target: Path, on_tick: Callable[[int], None]) -> None:
-    """Write what was recorded of a run. Raises `UnreadableError`, or OSError."""
+def rescue(
+    spool: Spool, target: Path, on_tick: Callable[[int], None], run: Trajectory | None = None
+) -> None:
+    """Write what was recorded of a run; if it is known already as arrays, with those.
+
+    Raises `UnreadableError`, or OSError.
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        write_mcap(spool, run, target, on_tick)
+        write_mcap(spool, run or recorded_trajectory(spool), target, on_tick)
     except (UnplayableError, ProtocolError, OverflowError) as error:
         raise UnreadableError(f"what was recorded does not make a run: {error}") from error

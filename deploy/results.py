@@ -62,7 +62,7 @@ def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) ->
     """
     write_summary(folder / SUMMARY, concluded.summary)
     yield folder / SUMMARY
-    rescue(concluded.spool, concluded.trajectory, folder / MCAP, on_tick)
+    rescue(concluded.spool, folder / MCAP, on_tick, concluded.trajectory)
     if concluded.spool.complete:
         with suppress(OSError):  # It does no harm if it stays.
             (folder / SPOOL).unlink()
