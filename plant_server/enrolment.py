@@ -115,6 +115,7 @@ class Enrolment:
         holder = self.seats[self.joints.index(request.joint)].boot
         if holder is not None and holder != request.boot:
             return Verdict.JOINT_TAKEN, (
-                f"{request.joint} is driven by boot {holder:016x}; this is {request.boot:016x}"
+                f"{request.joint} has a board already, boot {holder:016x};"
+                f" this is {request.boot:016x}"
             )
         return Verdict.ACCEPTED, ""

@@ -50,6 +50,8 @@ def main() -> int:
     except (OSError, ValueError) as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
+    # Brokers and daemons that came with a package lie beside Python.
+    os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # Nobody starts without compiled files.
     settings = QUICK if arguments.quick else FULL
     if arguments.repeats is not None:

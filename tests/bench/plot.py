@@ -4,6 +4,7 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from tests.bench.results import GroupResult, Results
 
@@ -32,6 +33,14 @@ def picture(results: Results, path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
+def _numbered(panel: Axes) -> None:
+    """Make the scale logarithmic, with plain numbers that have room."""
+    panel.set_xscale("log")
+    panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    panel.xaxis.set_minor_locator(NullLocator())
+    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+
+
 def _systems(panel: Axes, groups: list[GroupResult]) -> None:
     """A dot at the median tick and a line to the one in a hundred."""
     (group,) = groups
@@ -42,7 +51,7 @@ def _systems(panel: Axes, groups: list[GroupResult]) -> None:
         panel.plot([p50, p99], [row, row], color=colour, linewidth=1.5)
         panel.plot([p50], [row], "o", color=colour, markersize=5)
     panel.set_yticks(range(len(entries)), [name for name, _ in entries], fontsize=8)
-    panel.set_xscale("log")
+    _numbered(panel)
     panel.set_xlabel("p50 (dot) to p99 of a tick, µs")
 
 
@@ -60,7 +69,7 @@ def _growth(panel: Axes, groups: list[GroupResult]) -> None:
     panel.set_ylim(bottom=0.0)
     panel.set_xlabel("boards")
     panel.set_ylabel("per board and tick, µs")
-    panel.legend(loc="upper left")
+    panel.legend(loc="upper right")
 
 
 def _engines(panel: Axes, groups: list[GroupResult]) -> None:
@@ -70,7 +79,7 @@ def _engines(panel: Axes, groups: list[GroupResult]) -> None:
     costs = [entry.spread("us_per_tick").median for _, entry in entries]
     panel.barh(range(len(entries)), costs, color=[_colour(name) for name, _ in entries])
     panel.set_yticks(range(len(entries)), [name for name, _ in entries], fontsize=8)
-    panel.set_xscale("log")
+    _numbered(panel)
     panel.set_xlabel("the body alone, µs per tick")
 
 

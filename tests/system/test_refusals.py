@@ -78,7 +78,7 @@ def test_a_joint_has_one_driver(make_rig: Callable[..., Rig]) -> None:
     assert knee.poll() is None
     second = rig.board("knee")
     assert second.wait(30) == refused(Verdict.JOINT_TAKEN)
-    assert "refused: knee is driven by boot" in said(second)
+    assert "refused: knee has a board already, boot" in said(second)
     assert knee.poll() is None
 
 
