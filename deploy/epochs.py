@@ -105,16 +105,20 @@ def epochs_played(scenario: dict[str, Any], ticks: int) -> int | None:
 
 
 def _without_barrier(trajectory: Trajectory) -> Epochs:
+    """Boards reckon the plant's tick, so one may begin an epoch, and leave it, some ticks early."""
     period = trajectory.scenario["election"]["period_ticks"]
+    cadence = cadence_of(trajectory.scenario)
+    assert cadence is not None
+    early = cadence.ticks_per_round // 2
     number = np.arange(epochs_played(trajectory.scenario, trajectory.ticks) or 0, dtype=np.int64)
-    latch = np.minimum((number + 1) * period, trajectory.ticks) - 1
+    latch = np.minimum((number + 1) * period, trajectory.ticks) - 1 - early
     members = trajectory.epoch[latch] == number[:, None]
     held = members.any(axis=1)
     number, latch, members = number[held], latch[held], members[held]
     w_rad = np.full(members.shape, np.nan)
     known_after = np.full(members.shape, NOT_KNOWN, np.int64)
     for row, (epoch, last) in enumerate(zip(number, latch, strict=True)):
-        window = slice(int(epoch) * period, int(last) + 1)
+        window = slice(max(0, int(epoch) * period - early), int(last) + 1)
         w_rad[row], known_after[row] = _heard(trajectory, window, int(epoch), members[row])
     everybody = (known_after != NOT_KNOWN) | ~members
     return Epochs(

@@ -19,7 +19,7 @@ ELECTED = EPOCH._replace(
     about="One election, at the end of its epoch. Lists have one entry for each member.",
     fields={
         **EPOCH.fields,
-        "tick": (INTEGER, "last tick of the epoch; boards decide when its rounds are over"),
+        "tick": (INTEGER, "tick near the end of the epoch, of which this is told"),
         "members": ([TEXT], "joints whose boards were in it at its end, from the ground up"),
         "w_rad": ([NUMBER], "urgencies that they began with, the paper's w; NaN: nobody knows"),
     },

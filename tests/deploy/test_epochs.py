@@ -5,8 +5,9 @@ import pytest
 
 from deploy.epochs import NOT_KNOWN, Epochs, epochs
 from deploy.scenario import load
-from deploy.trajectory import Trajectory, trajectory
+from deploy.trajectory import Trajectory, recorded_trajectory, trajectory
 from deploy.twin import run_twin
+from tests.realtime.robot import Host, RealtimeRobot
 
 
 def run(name: str, *settings: str) -> Trajectory:
@@ -76,3 +77,21 @@ def test_of_equal_urgencies_the_higher_board_is_the_maximum(lossy: Trajectory) -
     every = found(replace(tied, candidate=boards))
     assert (every.known_after[:, 2] == 0).all()
     assert (every.known_after[:, :2] == NOT_KNOWN).all()
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2])
+def test_in_realtime_a_board_may_be_some_ticks_ahead(ticks: int) -> None:
+    """It begins an epoch, and leaves the one before, when it reckons that the time has come."""
+    scenario = load("paper", ["run.mode=realtime", "run.duration_s=0.5"])
+    told = recorded_trajectory(RealtimeRobot(scenario, Host()).spool())
+    names = ("state", "enabled", "epoch", "round", "urgency", "candidate")
+    ahead = {name: getattr(told, name).copy() for name in names}
+    for column in ahead.values():
+        column[: len(column) - ticks, 1] = column[ticks:, 1]
+    found, exact = epochs(replace(told, **ahead)), epochs(told)
+    assert found is not None
+    assert exact is not None
+    assert found.members.all()
+    assert np.isfinite(found.w_rad).all()
+    np.testing.assert_array_equal(found.enabled, exact.enabled)
+    np.testing.assert_array_equal(found.w_rad, exact.w_rad)

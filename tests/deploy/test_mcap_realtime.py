@@ -143,7 +143,7 @@ def test_torques_are_those_in_force_and_observations_those_that_were_used(whole:
     ("topic", "tick", "change", "said"),
     [
         ("/knee/observation", 80, {"joint_rad": 0.0}, "tick 80: joint_rad on /knee/observation: "),
-        ("/epoch", 99, {"y": [2, 0, 0]}, "tick 99: y on /epoch: "),
+        ("/epoch", 97, {"y": [2, 0, 0]}, "tick 97: y on /epoch: "),
         ("/hip/turn", 90, {"tick": 91}, "tick 90: tick on /hip/turn: "),
     ],
 )
