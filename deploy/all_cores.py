@@ -9,7 +9,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from threading import Thread
@@ -61,6 +61,7 @@ def work_off(
 
 
 def _start(work: Callable[[Any], Any]) -> tuple[Any, SpawnProcess]:
+    resource_tracker.ensure_running()  # Its start lets interrupts through again.
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     worker = context.Process(target=_serve, args=(work, theirs), daemon=True)

@@ -29,8 +29,18 @@ TIME_TICKS_S = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 INK, PALE = "0.25", "0.8"
 LINK_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito: told apart by every common kind of colour vision."""
+MARKERS = "osD^vP"
 LINK_STYLES = ("-", (0, (4, 1.2)), (0, (6, 1, 1.2, 1)), (0, (1, 1)), (0, (8, 2)), (0, (2, 1)))
 TIME_COLOURS = ListedColormap(mpl.colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)))
+
+
+def series_look(order: int) -> dict[str, Any]:
+    """How one of several lines of measured values is told from the others."""
+    return {
+        "color": LINK_COLOURS[order % len(LINK_COLOURS)],
+        "linestyle": LINK_STYLES[order % len(LINK_STYLES)],
+        "marker": MARKERS[order % len(MARKERS)],
+    }
 
 
 class Motion(NamedTuple):

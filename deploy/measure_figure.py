@@ -20,12 +20,11 @@ from matplotlib.ticker import (
     PercentFormatter,
 )
 
-from deploy.drawing import INK, LINK_COLOURS, LINK_STYLES, PALE
+from deploy.drawing import INK, PALE, series_look
 from deploy.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 from deploy.measure_consensus import Row, Spread
 
 ROW_IN, ABOVE_IN, BELOW_IN = 1.55, 0.52, 0.4
-MARKERS = "osD^vP"
 ENDINGS = ("svg", "png")
 ASIDE = 0.04
 """Lines are moved apart by such a share of the boards, where they would hide each other."""
@@ -99,13 +98,7 @@ def _draw_spreads(axes: Axes, at: Sequence[float], spreads: Sequence[Spread], or
 
 
 def _look(order: int) -> dict[str, Any]:
-    return {
-        "color": LINK_COLOURS[order % len(LINK_COLOURS)],
-        "linestyle": LINK_STYLES[order % len(LINK_STYLES)],
-        "linewidth": 0.9,
-        "marker": MARKERS[order % len(MARKERS)],
-        "markersize": 2.8,
-    }
+    return {**series_look(order), "linewidth": 0.9, "markersize": 2.8}
 
 
 def _axes(panels: Any, rows: Sequence[Row]) -> None:

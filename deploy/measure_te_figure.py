@@ -15,14 +15,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from deploy.drawing import INK, LINK_COLOURS, LINK_STYLES, PALE
+from deploy.drawing import INK, PALE, series_look
 from deploy.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 from deploy.measure_te import Result
 from deploy.summary import Summary
 from plant_server.record import FELL
 
 HEIGHT_IN = 4.0
-MARKERS = "osD^vP"
 ENDINGS = ("svg", "png")
 INDICES = (
     ("A", "Overshoot (°)", "overshoot_deg", False),
@@ -143,14 +142,8 @@ def _energy(key: str) -> Callable[[Summary], float | None]:
 
 
 def _look(order: int) -> dict[str, Any]:
-    return {
-        "color": LINK_COLOURS[order % len(LINK_COLOURS)],
-        "linestyle": LINK_STYLES[order % len(LINK_STYLES)],
-        "linewidth": 0.9,
-        "marker": MARKERS[order % len(MARKERS)],
-        "markersize": 2.8,
-        "markeredgewidth": 0.7,
-    }
+    sizes = {"linewidth": 0.9, "markersize": 2.8, "markeredgewidth": 0.7}
+    return {**series_look(order), **sizes}
 
 
 def _period_axis(axes: Axes, results: Sequence[Result], usual_s: float) -> None:

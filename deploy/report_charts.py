@@ -73,40 +73,45 @@ def log_limits(values_ms: Sequence[Floats]) -> tuple[float, float] | None:
 def histogram(groups: Sequence[Group], limits_ms: tuple[float, float], label: str) -> Figure:
     """Draw how often which time was taken, groups on top of each other, with percentiles."""
     figure, axes = _figure(HEIGHT_IN, left_in=0.5, top_in=0.34)
-    edges = np.geomspace(*limits_ms, BINS + 1)
-    values = [group.values_ms[np.isfinite(group.values_ms)] for group in groups]
+    edges, values = _binned(groups, limits_ms)
     colours = [group.colour for group in groups]
     labels = [group.label for group in groups]
     axes.hist(values, bins=edges.tolist(), stacked=True, color=colours, label=labels, linewidth=0)
-    if 1 < len(groups) <= LEGEND_MAX:
-        axes.legend(loc="best", handlelength=0.8, frameon=True, framealpha=0.8, edgecolor="none")
-    found = spread(np.concatenate(values))
-    assert found is not None, "limits come from values, so there are some"
-    _mark_percentiles(axes, found)
-    _log_ms(axes, limits_ms)
-    axes.set(xlabel=label, ylabel="How often")
+    _explain_times(axes, values, limits_ms, label)
     return figure
 
 
 def tails(groups: Sequence[Group], limits_ms: tuple[float, float], label: str) -> Figure:
     """Draw how often which time was taken, a line for each group, so that what is rare shows."""
     figure, axes = _figure(HEIGHT_IN, left_in=0.5, top_in=0.34)
-    edges = np.geomspace(*limits_ms, BINS + 1)
-    values = [group.values_ms[np.isfinite(group.values_ms)] for group in groups]
+    edges, values = _binned(groups, limits_ms)
     for group, own in zip(groups, values, strict=True):
         counts, _edges = np.histogram(own, edges)
         axes.stairs(counts, edges, color=group.colour, label=group.label, linewidth=0.9)
-    if 1 < len(groups) <= LEGEND_MAX:
+    _explain_times(axes, values, limits_ms, label)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=0.7)
+    axes.yaxis.set_minor_locator(NullLocator())
+    return figure
+
+
+def _binned(groups: Sequence[Group], limits_ms: tuple[float, float]) -> tuple[Floats, list[Floats]]:
+    """Edges of the bins of a logarithmic scale, and the values of each group that are numbers."""
+    values = [group.values_ms[np.isfinite(group.values_ms)] for group in groups]
+    return np.geomspace(*limits_ms, BINS + 1), values
+
+
+def _explain_times(
+    axes: Axes, values: Sequence[Floats], limits_ms: tuple[float, float], label: str
+) -> None:
+    """Add legend, percentiles, scale and names to how often which time was taken."""
+    if 1 < len(values) <= LEGEND_MAX:
         axes.legend(loc="best", handlelength=0.8, frameon=True, framealpha=0.8, edgecolor="none")
     found = spread(np.concatenate(values))
     assert found is not None, "limits come from values, so there are some"
     _mark_percentiles(axes, found)
     _log_ms(axes, limits_ms)
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=0.7)
-    axes.yaxis.set_minor_locator(NullLocator())
     axes.set(xlabel=label, ylabel="How often")
-    return figure
 
 
 def over_time(share: Floats, bin_s: float, end_s: float, names: Sequence[str]) -> Figure:

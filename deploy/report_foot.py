@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from deploy.drawing import INK
 from deploy.figures import DOTS_PER_INCH, WIDTH_IN
-from deploy.foot_margin import cop_m, foot_margin
+from deploy.foot_margin import cop_m
 from deploy.report_page import Block
 from deploy.report_runs import Pictures, Run
 from deploy.report_tables import NONE, run_table
@@ -20,15 +20,15 @@ BEYOND = 0.2
 
 def foot(runs: Sequence[Run], pictures: Pictures) -> list[Block]:
     """The centre of pressure over time, and its margin; nothing of bodies without a foot."""
-    standing = [run for run in runs if run.recording.trajectory.scenario["board"][0]["foot"]]
+    standing = [run for run in runs if run.summary["foot"] is not None]
     if not standing:
         return []
     rows = []
     for run in standing:
-        found = foot_margin(run.recording.trajectory)
-        assert found is not None
-        least = NONE if found.margin_min_m is None else f"{1e3 * found.margin_min_m:.1f}"
-        rows.append((run, ["the sole", least, f"{found.tipping_ticks:,}"]))
+        found = run.summary["foot"]
+        least_m = found["margin_min_m"]
+        least = NONE if least_m is None else f"{1e3 * least_m:.1f}"
+        rows.append((run, ["the sole", least, f"{found['tipping_ticks']:,}"]))
     return [
         *pictures.each(
             "foot",

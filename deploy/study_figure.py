@@ -13,13 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from deploy.drawing import INK, LINK_COLOURS, LINK_STYLES
+from deploy.drawing import INK, series_look
 from deploy.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 from deploy.measure_theory import several_enabled
 from deploy.study import LOSSES, STANDING_FROM_S, Mean
 
 HEIGHT_IN = 2.7
-MARKERS = "osD^vP"
 ENDINGS = ("svg", "png")
 CLOSED_FORMS = (
     ("R = 2, ends: $1-p^2$", (0, (5, 3)), True),
@@ -74,7 +73,7 @@ def draw_balance(axes: Axes, rows: Sequence[Mean]) -> None:
         _draw_spreads(axes, standing, order, hollow=False)
         _draw_spreads(axes, astray, order, hollow=True)
         fallen = [row.loss + aside for row in line if row.fell]
-        axes.plot(fallen, [0.0] * len(fallen), "x", color=_colour(order), markersize=6.0)
+        axes.plot(fallen, [0.0] * len(fallen), "x", color=_look(order)["color"], markersize=6.0)
     top = max(most for row in rows for most in (row.standing_deg or (0.1,))[-1:] + row.astray_deg)
     axes.set(ylabel="Farthest link, rms (°)", ylim=(-0.02 * top, 1.25 * top))
     for text, height in ((STANDING, 1.14), (ASTRAY, 0.8)):
@@ -86,10 +85,10 @@ def _draw_spreads(
     axes: Axes, spreads: Mapping[float, tuple[float, float, float]], order: int, *, hollow: bool
 ) -> None:
     """Draw a line through the means, and from the least to the most of each."""
+    look = _look(order, hollow=hollow)
     for x, (_mean, least, most) in spreads.items():
-        axes.plot((x, x), (least, most), color=_colour(order), linewidth=0.8)
-    means = [mean for mean, _least, _most in spreads.values()]
-    axes.plot(list(spreads), means, **_look(order, hollow=hollow))
+        axes.plot((x, x), (least, most), color=look["color"], linewidth=0.8)
+    axes.plot(list(spreads), [mean for mean, _least, _most in spreads.values()], **look)
 
 
 def _lines(rows: Sequence[Mean]) -> list[tuple[int, list[Mean]]]:
@@ -98,16 +97,7 @@ def _lines(rows: Sequence[Mean]) -> list[tuple[int, list[Mean]]]:
     return [(rounds, [row for row in rows if row.rounds == rounds]) for rounds in every]
 
 
-def _colour(order: int) -> str:
-    return LINK_COLOURS[order % len(LINK_COLOURS)]
-
-
 def _look(order: int, *, hollow: bool = False) -> dict[str, Any]:
-    return {
-        "color": _colour(order),
-        "linestyle": LINK_STYLES[order % len(LINK_STYLES)],
-        "marker": MARKERS[order % len(MARKERS)],
-        "markersize": 3.4,
-        "markerfacecolor": "white" if hollow else _colour(order),
-        "markeredgewidth": 0.8,
-    }
+    look = series_look(order)
+    face = "white" if hollow else look["color"]
+    return {**look, "markersize": 3.4, "markerfacecolor": face, "markeredgewidth": 0.8}

@@ -42,28 +42,34 @@ def group(_settings: Settings) -> Group:
 def run(hertz: int, *, hogs: bool) -> Figures:
     """One run in wall time; the numbers of its summary."""
     with TemporaryDirectory(prefix="decmesh-bench-") as name, ExitStack() as stack:
-        out = Path(name) / "run"
         if hogs:
             children = stack.enter_context(Children(Path(name)))
             for core in os.sched_getaffinity(0):
                 children.start(f"hog-{core}", HOG)
-        settings = [f"realtime.rate_hz={hertz}", f"run.duration_s={DURATION_S:g}"]
-        words = ["run", "paper", "--realtime", "--out", str(out)]
-        words += [word for setting in settings for word in ("--set", setting)]
-        done = subprocess.run(
-            [sys.executable, "-m", "deploy", *words], capture_output=True, text=True, check=False
-        )
-        if not (out / "summary.json").exists():
-            raise ChildFailedError(done.stderr.strip().splitlines()[-1])
-        return figures(json.loads((out / "summary.json").read_bytes())["realtime"])
+        about = played(hertz, Path(name) / "run", f"run.duration_s={DURATION_S:g}")["realtime"]
+        return figures(about)
+
+
+def played(hertz: int, out: Path, *settings: str) -> dict[str, Any]:
+    """Run the paper's movement by the wall clock; its summary. Raises `ChildFailedError`."""
+    words = ["run", "paper", "--realtime", "--out", str(out)]
+    for setting in (f"realtime.rate_hz={hertz}", *settings):
+        words += ["--set", setting]
+    done = subprocess.run(
+        [sys.executable, "-m", "deploy", *words], capture_output=True, text=True, check=False
+    )
+    if not (out / "summary.json").exists():
+        raise ChildFailedError(done.stderr.strip().splitlines()[-1])
+    summary: dict[str, Any] = json.loads((out / "summary.json").read_bytes())
+    return summary
+
+
+def worst(about: dict[str, Any], name: str, key: str) -> float:
+    """What the board says that is worst off; one that has nothing to say counts as 0."""
+    return max(float(board[name][key] or 0.0) for board in about["boards"].values())
 
 
 def figures(about: dict[str, Any]) -> Figures:
     """What a summary says of a run in realtime; times are those of the board that is worst off."""
-    boards = list(about["boards"].values())
-    worst = {
-        f"{name}_{key}": max(float(board[name][key] or 0.0) for board in boards)
-        for name in TIMES
-        for key in ("p50", "p99")
-    }
-    return {MAIN: float(about[MAIN]), **worst}
+    times = {f"{name}_{key}": worst(about, name, key) for name in TIMES for key in ("p50", "p99")}
+    return {MAIN: float(about[MAIN]), **times}

@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import copysign, fabs, isfinite
 from typing import Any
 
+from plant_server.hardware import MotorSheet
 from plant_server.record import TickRecord
 from plant_server.spool import Spool
 from protocol.frames import TorqueFrame, decode
@@ -15,7 +16,6 @@ from protocol.states import DRIVING
 
 Said = list[TorqueFrame | None]
 """What each board said in a tick; None: there was none, or it said nothing."""
-IDEAL = {"torque_rate_nm_s": None, "torque_step_nm": 0.0, "lag_s": 0.0}
 
 
 class BrokenRecordingError(Exception):
@@ -28,9 +28,9 @@ def check(spool: Spool) -> int:
         _law(after.tick == before.tick + 1, "ticks are gap-free", after.tick)
     said = list(_answers(spool.ticks))
     for board, entry in enumerate(spool.scenario["board"]):
-        bare = {name: entry["actuator"][name] for name in IDEAL} == IDEAL
-        if bare and entry["foot"] is None:
-            _check_torques(entry, spool.ticks, said, board)
+        motor, limit_nm = MotorSheet(**entry["actuator"]), entry["servo"]["torque_limit_nm"]
+        if motor.ideal and entry["foot"] is None:
+            _check_torques(board, spool.ticks, said, limit_nm, motor.hold_ticks)
     return _check_elections(spool.scenario["election"], spool.ticks, said)
 
 
@@ -55,17 +55,16 @@ def _answers(ticks: Sequence[TickRecord]) -> Iterator[Said]:
 
 
 def _check_torques(
-    entry: dict[str, Any], ticks: Sequence[TickRecord], said: list[Said], board: int
+    board: int, ticks: Sequence[TickRecord], said: list[Said], limit_nm: float, hold_ticks: int
 ) -> None:
     """What a motor without a will of its own does is what its board said, or nothing."""
-    limit, hold_ticks = entry["servo"]["torque_limit_nm"], entry["actuator"]["hold_ticks"]
     held_nm, refused = 0.0, 0
     for record, answers in zip(ticks, said, strict=True):
         frame = answers[board]
         if frame is None:
             held_nm, refused = 0.0, 0
         elif isfinite(frame.torque_nm):
-            held_nm, refused = copysign(min(fabs(frame.torque_nm), limit), frame.torque_nm), 0
+            held_nm, refused = copysign(min(fabs(frame.torque_nm), limit_nm), frame.torque_nm), 0
         else:
             refused += 1
             held_nm = held_nm if refused <= hold_ticks else 0.0

@@ -1,12 +1,16 @@
 """Real processes of one robot, as somebody would start them by hand."""
 
 import contextlib
+import json
+import os
+import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from deploy.scenario import load
 from deploy.trajectory import trajectory
@@ -119,3 +123,46 @@ def decmesh(*arguments: str, patience_s: float = 120.0) -> subprocess.CompletedP
     """Run a command of `decmesh` to its end."""
     command = [sys.executable, "-m", "deploy", *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
+
+
+class Launched:
+    """`decmesh run` under way, in a folder of its own; without boards, joints hold."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.folder = folder
+        command = [sys.executable, "-m", "deploy", "run", "paper", "--out", str(folder), *options]
+        settings = ["--set", "run.duration_s=600", "--set", "unattended.how=braked"]
+        self.launcher = subprocess.Popen(
+            [*command, *settings], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+        )
+        eventually(lambda: self.ask("status").returncode == 0)
+        eventually(lambda: self.status()["tick"] > 0)
+
+    def ask(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Type a command about this robot in another terminal."""
+        return decmesh(*words, "--rig", str(self.folder.resolve()))
+
+    def status(self) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.ask("status", "--json").stdout)
+        return found
+
+    def board(self, joint: str) -> dict[str, Any]:
+        """What the status says of a board."""
+        boards: list[dict[str, Any]] = self.status()["boards"]
+        return next(board for board in boards if board["joint"] == joint)
+
+    def pid(self, word: str) -> int:
+        """The child with this word in its command line."""
+        return next(
+            pid
+            for pid in children_of(self.launcher.pid)
+            if word in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        )
+
+    def kill(self) -> None:
+        """Leave nobody behind, whatever state the processes are in."""
+        for pid in children_of(self.launcher.pid):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+        self.launcher.kill()
+        self.launcher.communicate()

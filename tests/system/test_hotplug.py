@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,15 @@ from deploy.results import read_run
 from deploy.trajectory import Trajectory
 from protocol.exit_codes import ExitCode
 from protocol.states import State
-from tests.system.rig import Process, Rig, children_of, decmesh, eventually, said, twin_digest
+from tests.system.rig import (
+    Launched,
+    Process,
+    Rig,
+    decmesh,
+    eventually,
+    said,
+    twin_digest,
+)
 
 SHORT = {
     "hotplug": ("event.0.at_s=0.2", "event.1.at_s=0.35", "run.duration_s=0.6"),
@@ -46,44 +53,14 @@ def test_scheduled_deaths_of_real_processes_equal_the_twin(tmp_path: Path, scena
     assert run.state_sha256 == twin_digest(*SHORT[scenario], source=scenario)
 
 
-class Launched:
-    """`decmesh run` under way, in a folder of its own."""
-
-    def __init__(self, folder: Path, *options: str) -> None:
-        self.folder = folder
-        command = [sys.executable, "-m", "deploy", "run", "paper", "--out", str(folder), *options]
-        settings = ["--set", "run.duration_s=600", "--set", "unattended.how=braked"]
-        self.launcher = subprocess.Popen(
-            [*command, *settings], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
-        )
-        eventually(lambda: self.ask("status").returncode == 0)
-        eventually(lambda: self.status()["tick"] > 0)
-
-    def ask(self, *words: str) -> subprocess.CompletedProcess[str]:
-        return decmesh(*words, "--rig", str(self.folder.resolve()))
-
-    def status(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.ask("status", "--json").stdout)
-        return found
-
-    def state(self, joint: str) -> str:
-        return str(next(b["state"] for b in self.status()["boards"] if b["joint"] == joint))
-
-    def pid(self, word: str) -> int:
-        return next(
-            pid
-            for pid in children_of(self.launcher.pid)
-            if word in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        )
-
-    def end(self) -> tuple[Trajectory, str]:
-        """Stop the run; what was recorded, and what was said."""
-        self.launcher.send_signal(signal.SIGINT)
-        _, errors = self.launcher.communicate(timeout=30)
-        assert "Traceback" not in errors
-        run = read_run(self.folder)
-        assert run is not None
-        return run, errors
+def ended(run: Launched) -> tuple[Trajectory, str]:
+    """Stop the run; what was recorded, and what was said."""
+    run.launcher.send_signal(signal.SIGINT)
+    _, errors = run.launcher.communicate(timeout=30)
+    assert "Traceback" not in errors
+    recorded = read_run(run.folder)
+    assert recorded is not None
+    return recorded, errors
 
 
 @pytest.fixture
@@ -96,11 +73,7 @@ def launch(tmp_path: Path) -> Iterator[Callable[..., Launched]]:
 
     yield make
     for run in made:
-        for pid in children_of(run.launcher.pid):
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-        run.launcher.kill()
-        run.launcher.communicate()
+        run.kill()
 
 
 def happened(run: Trajectory, what: str) -> list[tuple[int, list[Any]]]:
@@ -110,10 +83,10 @@ def happened(run: Trajectory, what: str) -> list[tuple[int, list[Any]]]:
 def test_a_killed_board_is_named_and_the_run_goes_on(launch: Callable[..., Launched]) -> None:
     run = launch()
     os.kill(run.pid("knee"), signal.SIGKILL)
-    eventually(lambda: run.state("knee") == "absent")
+    eventually(lambda: run.board("knee")["state"] == "absent")
     tick = run.status()["tick"]
     eventually(lambda: run.status()["tick"] > tick + 100)
-    recorded, errors = run.end()
+    recorded, errors = ended(run)
     ((died, event),) = happened(recorded, "gone") + happened(recorded, "gone_midway")
     assert event[1:] == [1, "died"]
     assert "knee died at tick" in errors
@@ -124,13 +97,13 @@ def test_a_killed_board_is_named_and_the_run_goes_on(launch: Callable[..., Launc
 def test_boards_are_pulled_and_put_back_from_a_terminal(launch: Callable[..., Launched]) -> None:
     run = launch()
     assert run.ask("unplug", "hip").returncode == ExitCode.OK
-    eventually(lambda: run.state("hip") == "absent")
+    eventually(lambda: run.board("hip")["state"] == "absent")
     again = run.ask("unplug", "hip")
     assert again.returncode == ExitCode.REFUSED
     assert again.stderr == "hip is not plugged in\n"
     assert run.ask("plug", "hip").returncode == ExitCode.OK
-    eventually(lambda: run.state("hip") == "running")
-    recorded, _ = run.end()
+    eventually(lambda: run.board("hip")["state"] == "running")
+    recorded, _ = ended(run)
     assert [event for _, event in happened(recorded, "admitted")][-1] == ["admitted", 2, 2]
 
 
@@ -139,12 +112,12 @@ def test_a_board_started_by_hand_takes_the_place_of_a_dead_one(
 ) -> None:
     run = launch()
     os.kill(run.pid("knee"), signal.SIGKILL)
-    eventually(lambda: run.state("knee") == "absent")
+    eventually(lambda: run.board("knee")["state"] == "absent")
     scenario = str(run.folder / "scenario.json")
     command = [sys.executable, "-m", "module_agent", "knee", "--scenario", scenario]
     board = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    eventually(lambda: run.state("knee") == "running")
-    run.end()
+    eventually(lambda: run.board("knee")["state"] == "running")
+    ended(run)
     _, errors = board.communicate(timeout=30)
     assert board.returncode == ExitCode.OK
     assert "Traceback" not in errors
@@ -153,9 +126,9 @@ def test_a_board_started_by_hand_takes_the_place_of_a_dead_one(
 def test_links_are_cut_and_healed_from_a_terminal(launch: Callable[..., Launched]) -> None:
     run = launch()
     assert run.ask("cut", "ankle-knee").returncode == ExitCode.OK
-    eventually(lambda: run.state("ankle") == "reckoning")
+    eventually(lambda: run.board("ankle")["state"] == "reckoning")
     assert run.ask("heal").returncode == ExitCode.OK
-    eventually(lambda: run.state("ankle") == "running")
+    eventually(lambda: run.board("ankle")["state"] == "running")
     assert run.ask("cut", "--one-way", "knee-ankle").returncode == ExitCode.OK
 
     def deaf() -> list[tuple[str, str]]:
@@ -168,7 +141,7 @@ def test_links_are_cut_and_healed_from_a_terminal(launch: Callable[..., Launched
     assert set(pushed) == {"tick", "at_s"}
     assert run.ask("reference", "hip", "1deg").returncode == ExitCode.OK
     assert run.ask("cut", "ankle-hip").returncode == ExitCode.BAD_INPUT
-    recorded, _ = run.end()
+    recorded, _ = ended(run)
     commands = [event for _, event in recorded.events if event[0] in ("link", "heal", "push")]
     assert commands[0] == ["link", [[0, 1], [1, 0]], {"cut": 1.0}]
     ((tick, _),) = happened(recorded, "push")

@@ -9,12 +9,9 @@ import json
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -26,7 +23,7 @@ from plant_server.pace import SLIP_S
 from plant_server.spool import PLANT, read_spool
 from protocol.exit_codes import ExitCode
 from protocol.trace import Lived
-from tests.system.rig import Rig, children_of, decmesh, eventually, said, twin_digest
+from tests.system.rig import Launched, Rig, decmesh, eventually, said, twin_digest
 
 HEAVY = [f"board.{board}.link.inertia_kg_m2=1e5" for board in range(3)]
 SLOW = ["run.mode=realtime", "realtime.rate_hz=100", *HEAVY]
@@ -152,47 +149,11 @@ def test_a_clock_that_is_fast_runs_fast(tmp_path: Path) -> None:
     assert replay(spool).differences == ()
 
 
-class Launched:
-    """`decmesh run` in realtime under way, in a folder of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        command = [sys.executable, "-m", "deploy", "run", "paper", "--out", str(folder)]
-        settings = options(*SLOW, "run.duration_s=600", "unattended.how=braked")
-        self.launcher = subprocess.Popen(
-            [*command, *settings], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
-        )
-        eventually(lambda: self.ask("status").returncode == 0)
-        eventually(lambda: self.status()["tick"] > 0)
-
-    def ask(self, *words: str) -> subprocess.CompletedProcess[str]:
-        return decmesh(*words, "--rig", str(self.folder.resolve()))
-
-    def status(self) -> dict[str, Any]:
-        found: dict[str, Any] = json.loads(self.ask("status", "--json").stdout)
-        return found
-
-    def board(self, joint: str) -> dict[str, Any]:
-        boards: list[dict[str, Any]] = self.status()["boards"]
-        return next(board for board in boards if board["joint"] == joint)
-
-    def pid(self, word: str) -> int:
-        return next(
-            pid
-            for pid in children_of(self.launcher.pid)
-            if word in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        )
-
-
 @pytest.fixture
 def launched(tmp_path: Path) -> Iterator[Launched]:
-    run = Launched(tmp_path / "run")
+    run = Launched(tmp_path / "run", *options(*SLOW))
     yield run
-    for pid in children_of(run.launcher.pid):
-        with suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGCONT)
-    run.launcher.kill()
-    run.launcher.communicate()
+    run.kill()
 
 
 def driving(run: Launched, joint: str, incarnation: int) -> bool:
