@@ -1,21 +1,20 @@
 """Frames: what is on the wire, byte for byte (`protocol/README.md` is the specification).
 
-Rule 1: a frame is a flat msgpack array `[version, kind, ...]` and its CRC-32, at most 256 bytes.
+Rule 1: a frame is a msgpack array `[version, kind, [field, ...]]` and its CRC-32, in 256 bytes.
 Rule 2: a receiver trusts nothing. What does not fit raises `ProtocolError` with one reason.
-Rule 3: every number has one type. A float is never sent as an int, so a frame keeps its size.
+Rule 3: every field has one type. A float is never sent as an int, so a frame keeps its size.
 
-A field that may be absent has a value that cannot occur instead of a null (`NO_TICK`, `NO_RUN`):
-the types of a frame are then one tuple, and checking them is one comparison.
+A field that may be absent has a value that cannot occur instead of a null (`NO_TICK`).
 """
 
 from enum import StrEnum
-from itertools import chain
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, Literal, NamedTuple, TypeVar
 from zlib import crc32
 
 import msgpack
+import msgspec
 
-from protocol.timing import TickTiming, Timing
+from protocol.timing import Timing
 
 VERSION = 1
 FRAME_BYTES_MAX = 256
@@ -26,7 +25,6 @@ _RESIDUE = 0x2144DF1C
 NO_TICK = -(2**31)
 TICK_MAX = 2**31 - 1
 NO_EPOCH = -1
-NO_RUN = 0
 
 
 class Reason(StrEnum):
@@ -200,53 +198,23 @@ FAULT_TEXT_BYTES_MAX = 160
 FAULT_PARTS_MAX = 10
 
 AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing | Fault
-AnyEntry = Neighbour | LinkUse | TickTiming
 Frame = TypeVar("Frame", bound=AnyFrame)
 
-
-class Layout:
-    """How a frame is laid out: version, kind, fields of fixed types, repeated entries of integers.
-
-    `entry` is the tuple that the last field of the frame is made of, flattened into the array.
-    """
-
-    def __init__(
-        self, kind: int, types: tuple[type, ...], entry: type[AnyEntry] | None = None
-    ) -> None:
-        self.kind = kind
-        self.entry = entry
-        self.entry_size = 0 if entry is None else len(entry._fields)
-        self.fixed_size = 2 + len(types)
-        self._types_by_size = {self.fixed_size: (int, int, *types)}
-
-    def fits(self, fields: tuple[Any, ...]) -> bool:
-        """Whether an array has this kind, the types in their places, and whole entries."""
-        types = self._types_by_size.get(len(fields))
-        if types is None:
-            entries, rest = divmod(len(fields) - self.fixed_size, self.entry_size or 1)
-            if entries < 0 or rest or self.entry is None:
-                return False
-            types = self._types_by_size[len(fields)] = (
-                *self._types_by_size[self.fixed_size],
-                *(int,) * (entries * self.entry_size),
-            )
-        return tuple(map(type, fields)) == types and fields[1] == self.kind
-
-
-LAYOUTS: dict[type, Layout] = {
-    Observation: Layout(1, (int, int, int, *(float,) * 7, bytes), Neighbour),
-    LinkFrame: Layout(2, (*(int,) * 6, float, int, int, *(float,) * 7)),
-    TorqueFrame: Layout(
-        3, (int, int, int, float, int, int, float, int, int, float, int, int, int), LinkUse
-    ),
-    End: Layout(4, (int, str)),
-    Stalled: Layout(5, (int, int, int, int)),
-    Timing: Layout(6, (int,) * 7, TickTiming),
-    Fault: Layout(7, (*(int,) * 6, str)),
+KINDS: dict[type, int] = {
+    Observation: 1,
+    LinkFrame: 2,
+    TorqueFrame: 3,
+    End: 4,
+    Stalled: 5,
+    Timing: 6,
+    Fault: 7,
 }
 
-_pack, _unpack = msgpack.Packer(use_bin_type=True).pack, msgpack.unpackb
-_tuple = tuple.__new__  # What a NamedTuple's `_make` does, without counting once more.
+_encode = msgspec.msgpack.Encoder().encode
+_decoders: dict[type, Any] = {
+    frame: msgspec.msgpack.Decoder(tuple[Literal[VERSION], Literal[kind], frame])  # type: ignore[valid-type]
+    for frame, kind in KINDS.items()
+}
 
 
 def seal(body: bytes) -> bytes:
@@ -254,14 +222,20 @@ def seal(body: bytes) -> bytes:
     return body + crc32(body).to_bytes(CRC_BYTES, "little")
 
 
-def unseal(payload: bytes) -> tuple[Any, ...]:
-    """Check size and CRC-32 and return the array within, of whatever version it is."""
+def _unsealed(payload: bytes) -> bytes:
+    """Check size and CRC-32, and return what precedes it."""
     if not CRC_BYTES < len(payload) <= FRAME_BYTES_MAX:
         raise ProtocolError(Reason.SIZE, f"{len(payload)} bytes")
     if crc32(payload) != _RESIDUE:
         raise ProtocolError(Reason.CORRUPT, f"CRC-32 of {len(payload)} bytes does not match")
+    return payload[:-CRC_BYTES]
+
+
+def unseal(payload: bytes) -> tuple[Any, ...]:
+    """Check size and CRC-32 and return the array within, of whatever version it is."""
+    body = _unsealed(payload)
     try:
-        fields = _unpack(payload[:-CRC_BYTES], use_list=False)
+        fields = msgpack.unpackb(body, use_list=False)
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
         raise ProtocolError(Reason.MALFORMED, f"not msgpack: {error}") from error
     if type(fields) is not tuple or not fields:
@@ -271,12 +245,7 @@ def unseal(payload: bytes) -> tuple[Any, ...]:
 
 def encode(frame: AnyFrame) -> bytes:
     """Write one frame, CRC-32 included."""
-    layout = LAYOUTS[type(frame)]
-    if layout.entry is None:
-        payload = seal(_pack((VERSION, layout.kind, *frame)))
-    else:
-        fields, entries = frame[:-1], cast("tuple[tuple[int, ...], ...]", frame[-1])
-        payload = seal(_pack((VERSION, layout.kind, *fields, *chain.from_iterable(entries))))
+    payload = seal(_encode((VERSION, KINDS[type(frame)], frame)))
     assert len(payload) <= FRAME_BYTES_MAX, f"{type(frame).__name__} of {len(payload)} bytes"
     return payload
 
@@ -286,14 +255,14 @@ def decode(expected: type[Frame], payload: bytes) -> Frame:
 
     Numbers are checked for their type, not for their value: what a NaN means is up to the receiver.
     """
-    fields = unseal(payload)
-    if fields[0] != VERSION:
-        raise ProtocolError(Reason.VERSION, f"version {fields[0]!r}, this is version {VERSION}")
-    layout = LAYOUTS[expected]
-    if not layout.fits(fields):
-        raise ProtocolError(Reason.MALFORMED, f"not a {expected.__name__}")
-    entry, start, size = layout.entry, layout.fixed_size, layout.entry_size
-    if entry is None:
-        return _tuple(expected, fields[2:])
-    entries = [_tuple(entry, fields[i : i + size]) for i in range(start, len(fields), size)]
-    return _tuple(expected, (*fields[2:start], tuple(entries)))
+    frame: Frame
+    try:
+        _, _, frame = _decoders[expected].decode(_unsealed(payload))
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        version = unseal(payload)[0]
+        if version != VERSION:
+            raise ProtocolError(
+                Reason.VERSION, f"version {version!r}, this is version {VERSION}"
+            ) from None
+        raise ProtocolError(Reason.MALFORMED, f"not a {expected.__name__}: {error}") from error
+    return frame

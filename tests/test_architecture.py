@@ -83,9 +83,9 @@ def test_packages_know_only_what_is_below_them(package: str, strangers: set[str]
         assert _importers(stranger, package) == set()
 
 
-def test_the_protocol_needs_the_standard_library_and_msgpack() -> None:
+def test_the_protocol_needs_the_standard_library_msgpack_and_msgspec() -> None:
     for path in _files("protocol"):
-        foreign = _imports(path) - set(sys.stdlib_module_names) - {"protocol", "msgpack"}
+        foreign = _imports(path) - set(sys.stdlib_module_names) - {"protocol", "msgpack", "msgspec"}
         assert not foreign, _name(path)
 
 

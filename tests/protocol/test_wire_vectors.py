@@ -14,7 +14,7 @@ from protocol.chance import draw
 from protocol.commands import LINK, PERFECT, TICKS, check_command, decode_board_command
 from protocol.enrolment import EnrolmentReply, EnrolmentRequest
 from protocol.frames import (
-    LAYOUTS,
+    KINDS,
     AnyFrame,
     End,
     Fault,
@@ -29,7 +29,7 @@ from protocol.states import COUNTERS, State
 from protocol.timing import TickTiming, Timing
 
 README = Path(frames.__file__).with_name("README.md").read_text(encoding="utf-8")
-KINDS: dict[str, Any] = {
+MESSAGES: dict[str, Any] = {
     kind.__name__: kind
     for kind in (
         Observation,
@@ -63,7 +63,7 @@ def message(vector: dict[str, Any]) -> Any:
         values["links"] = tuple(LinkUse(*entry) for entry in values["links"])
     if "ticks" in values:
         values["ticks"] = tuple(TickTiming(*entry) for entry in values["ticks"])
-    return KINDS[vector["kind"]](**values)
+    return MESSAGES[vector["kind"]](**values)
 
 
 def encode(whole: Any) -> bytes:
@@ -77,7 +77,7 @@ def decode(kind: str, payload: bytes) -> Any:
         return enrolment.decode_request(payload)
     if kind == "EnrolmentReply":
         return enrolment.decode_reply(payload)
-    expected: type[AnyFrame] = KINDS[kind]
+    expected: type[AnyFrame] = MESSAGES[kind]
     return frames.decode(expected, payload)
 
 
@@ -97,24 +97,24 @@ def test_a_vector_holds_in_both_directions(vector: dict[str, Any]) -> None:
 
 
 def test_every_kind_has_a_vector() -> None:
-    assert {vector["kind"] for vector in vectors()} == set(KINDS)
+    assert {vector["kind"] for vector in vectors()} == set(MESSAGES)
 
 
 def test_every_field_of_every_kind_is_in_a_table_of_the_specification() -> None:
-    for kind in (*KINDS.values(), Neighbour, LinkUse, TickTiming):
+    for kind in (*MESSAGES.values(), Neighbour, LinkUse, TickTiming):
         for field in kind._fields:
             repeated = field in ("neighbours", "links", "ticks")
             assert repeated or re.search(rf"^\| \d+ \| `{field}` \|", README, re.MULTILINE), field
 
 
-@pytest.mark.parametrize("kind", LAYOUTS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_tables_count_fields_as_the_frames_do(kind: type[AnyFrame]) -> None:
-    """The first row of a kind is element 2, and rows follow without gaps, in the frame's order."""
-    _, _, table = README.partition(f"### {kind.__name__} (kind {LAYOUTS[kind].kind})")
+    """Rows of a kind follow without gaps, in the frame's order."""
+    _, _, table = README.partition(f"### {kind.__name__} (kind {KINDS[kind]})")
     rows = re.findall(r"^\| (\d+) \| `(\w+)` \| (\w+) \|", table, re.MULTILINE)
     once = {name: of for name, of in kind.__annotations__.items() if isinstance(of, type)}
     expected = [
-        (str(2 + i), name, "bin" if of is bytes else of.__name__)
+        (str(i), name, "bin" if of is bytes else of.__name__)
         for i, (name, of) in enumerate(once.items())
     ]
     assert rows[: len(expected)] == expected
