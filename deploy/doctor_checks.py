@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from deploy import rigs
+from protocol.compiled import compiled
 
 Verdict = Literal["ok", "mind", "wrong"]
 ROOT = Path(__file__).parent.parent
@@ -80,6 +81,12 @@ def package(name: str, wanted: str, version_of: Callable[[str], str] = version) 
     if _numbers(found) >= _numbers(wanted):
         return Check(name, "ok", found)
     return Check(name, "wrong", f"{found}, needs {wanted}", install)
+
+
+def control_loop(root: Path = ROOT) -> Check:
+    """Whether what runs in every tick is compiled. It does the same either way."""
+    how = "compiled" if any(compiled(root)) else "interpreted; `make compiled` makes it faster"
+    return Check("control loop", "ok", how)
 
 
 def cores(count: int) -> Check:

@@ -93,7 +93,7 @@ class Board:
     @property
     def counters(self) -> Counters:
         """All that this board counts."""
-        return Counters(*(count(self) for count in COUNTS))
+        return Counters(*[count(self) for count in COUNTS])
 
     def read(self, payload: bytes) -> Observation:
         """Check an observation.

@@ -8,14 +8,24 @@ Rule 2: after a gap a reading is not compared with the one before it: how the jo
 
 from module_agent.sensing import Readings, Sensing
 from protocol.frames import NO_TICK, Observation
+from protocol.sensors import EXACT, SensorSheet
 
 
 class RealtimeSensing(Sensing):
     """A `Sensing` whose ticks are own periods, some of which have brought no reading."""
 
-    sampled_slot = NO_TICK
-    """The period that the readings given to `read` are of."""
-    _judged_slot = NO_TICK
+    def __init__(
+        self,
+        sheet: SensorSheet = EXACT,
+        *,
+        tick_s: float,
+        has_imu: bool,
+        uneven: bool = False,
+    ) -> None:
+        super().__init__(sheet, tick_s=tick_s, has_imu=has_imu, uneven=uneven)
+        self.sampled_slot: int = NO_TICK
+        """The period that the readings given to `read` are of."""
+        self._judged_slot: int = NO_TICK
 
     def read(self, observation: Observation) -> Readings:
         """The readings, or those that stand in for them."""

@@ -181,7 +181,7 @@ def _joined(pieces: Sequence[Piece], cluster_of: Sequence[int]) -> Iterator[Piec
     """One piece for each cluster that is free to turn, from the ground up."""
     for into, together in groupby(zip(cluster_of, pieces, strict=True), key=itemgetter(0)):
         if into != GROUND:
-            yield reduce(_put_on, (piece for _into, piece in together))
+            yield reduce(_put_on, [piece for _into, piece in together])
 
 
 def _put_on(lower: Piece, upper: Piece) -> Piece:

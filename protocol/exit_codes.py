@@ -13,7 +13,7 @@ class ExitCode(IntEnum):
     FAILED = 1
     """Something that should not happen; a traceback says what."""
     BAD_INPUT = 2
-    """The command line or the scenario cannot be used; nothing was started."""
+    """The command line, the scenario, or what was compiled cannot be used; nothing was started."""
     FELL = 3
     """The body fell: a result, not an error."""
     NO_NETWORK = 4

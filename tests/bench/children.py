@@ -53,7 +53,11 @@ class Children:
             child.stdin.close()
 
     def start(
-        self, name: str, command: Sequence[str], environment: dict[str, str] | None = None
+        self,
+        name: str,
+        command: Sequence[str],
+        environment: dict[str, str] | None = None,
+        where: Path | None = None,
     ) -> subprocess.Popen[bytes]:
         """Start a process in a group of its own; its output goes to `NAME.log`."""
         first = ["chrt", "--fifo", "10"] if os.environ.get(FIFO) else []
@@ -64,6 +68,7 @@ class Children:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, **(environment or {})},
+                cwd=where,
                 start_new_session=True,
             )
         self.processes[name] = child

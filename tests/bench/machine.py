@@ -8,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from protocol.compiled import compiled
+
 LIBRARIES = (
     "decmesh", "eclipse-zenoh", "msgpack", "numpy", "scipy", "mujoco", "pin", "pyzmq", "lcm",
     "cyclonedds", "paho-mqtt", "dora-rs", "helics",
@@ -23,6 +25,7 @@ def machine() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
+        "control_loop": "compiled" if any(compiled()) else "interpreted",
         "versions": {name: found for name in LIBRARIES if (found := _version(name))},
     }
 

@@ -12,11 +12,13 @@ from deploy.rigs import claim
 from deploy.scenario import load
 from protocol.scenario import ResolvedScenario, canonical
 from tests.bench.children import Children
+from tests.bench.compiled import compiled_copy
 from tests.bench.job import Place, job_figures
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
-from tests.bench.systems import AS_IT_COMES, OUR_SETTINGS, System, do_job
+from tests.bench.systems import AS_IT_COMES, OUR_SETTINGS, UNPLACED, System, do_job
 
 OFF, ON = "decmesh in processes, recording off", "decmesh in processes, everything on"
+COMPILED = "decmesh in processes, recording off, compiled"
 
 
 class Rig(NamedTuple):
@@ -32,16 +34,18 @@ class Rig(NamedTuple):
         """Start the process of a board."""
         words = ["--scenario", str(self.place.folder / "scenario.json"), "--lifeline"]
         role = 1 + self.scenario.joints.index(joint)
-        self.children.start(name or joint, self._command(role, "module_agent", joint, *words))
+        self._start(name or joint, role, "module_agent", joint, *words)
 
     def start_plant(self, *options: str) -> None:
         """Start the plant."""
         words = ["--scenario", str(self.place.folder / "scenario.json"), "--lifeline", *options]
-        self.children.start("plant", self._command(0, "plant_server", *words))
+        self._start("plant", 0, "plant_server", *words)
 
-    def _command(self, role: int, module: str, *words: str) -> list[str]:
+    def _start(self, name: str, role: int, module: str, *words: str) -> None:
         about = ["tests.bench.instrumented", str(self.place.folder), str(role)]
-        return [sys.executable, "-m", *(about if self.instrumented else []), module, *words]
+        command = [sys.executable, "-m", *(about if self.instrumented else []), module, *words]
+        where = compiled_copy() if self.place.options.get("compiled") else None
+        self.children.start(name, command, where=where)
 
 
 def as_run(options: dict[str, Any] | None) -> dict[str, Any]:
@@ -102,15 +106,24 @@ def group(settings: Settings) -> Group:
         "plant and 3 boards, a process each, ticks/s",
         [
             Contender(AS_IT_COMES.name, bare(AS_IT_COMES)),
+            Contender(UNPLACED.name, bare(UNPLACED)),
             Contender(OUR_SETTINGS.name, bare(OUR_SETTINGS)),
             Contender(OFF, partial(lockstep, settings, recorded=False)),
+            Contender(
+                COMPILED, partial(lockstep, settings, recorded=False, options={"compiled": True})
+            ),
             Contender(ON, partial(lockstep, settings, recorded=True)),
         ],
         [
             Ratio("recording off, of bare Zenoh as it comes", OFF, AS_IT_COMES.name, "ticks_per_s"),
+            Ratio(f"recording off, of {UNPLACED.name}", OFF, UNPLACED.name, "ticks_per_s"),
             Ratio(
                 "recording off, of bare Zenoh, our settings", OFF, OUR_SETTINGS.name, "ticks_per_s"
             ),
+            Ratio(
+                "compiled, of bare Zenoh, our settings", COMPILED, OUR_SETTINGS.name, "ticks_per_s"
+            ),
+            Ratio("compiled, of interpreted", COMPILED, OFF, "ticks_per_s"),
             Ratio(
                 "everything on, of bare Zenoh, our settings", ON, OUR_SETTINGS.name, "ticks_per_s"
             ),

@@ -47,6 +47,12 @@ class System(NamedTuple):
 
 
 AS_IT_COMES = System("bare Zenoh as it comes", "bare_zenoh", "eclipse-zenoh")
+UNPLACED = System(
+    "bare Zenoh, our settings, on any core",
+    "bare_zenoh",
+    "eclipse-zenoh",
+    options={"tuned": True},
+)
 OUR_SETTINGS = System(
     "bare Zenoh, our settings",
     "bare_zenoh",

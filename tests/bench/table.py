@@ -59,7 +59,8 @@ def footnotes(results: Results) -> Iterator[str]:
     fifo = " under SCHED_FIFO" if results.settings.get("fifo") else ""
     yield (
         f"{results.settings['repeats']} repeats, taken in turn{fifo}; {about['cores']} cores of"
-        f" {about['processor']}, {about['system']}, Python {about['python']}, {versions};"
+        f" {about['processor']}, {about['system']}, Python {about['python']}, {versions},"
+        f" control loop {about['control_loop']} unless said otherwise;"
         f" commit {about['commit']}, {about['when']}"
     )
     loads = [load for group in results.groups.values() for load in group.load]

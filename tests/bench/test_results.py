@@ -12,7 +12,7 @@ from tests.bench.table import comparison_table, footnotes, markdown, rows
 
 MACHINE: dict[str, Any] = {
     "when": "now", "commit": "abc", "processor": "some", "cores": 2, "system": "Linux",
-    "python": "3", "versions": {"numpy": "2"},
+    "python": "3", "control_loop": "interpreted", "versions": {"numpy": "2"},
 }  # fmt: skip
 
 

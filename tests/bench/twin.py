@@ -1,14 +1,19 @@
 """The twin: plant and boards in one process, with frames encoded and decoded."""
 
+import json
+import subprocess
+import sys
 import time
 from functools import partial
 
 from deploy.scenario import load
 from deploy.twin import Twin
 from protocol.frames import LinkFrame, Observation, TorqueFrame, decode, encode
+from tests.bench.compiled import compiled_copy
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
 
 PLAIN = "twin, frames encoded and decoded"
+COMPILED = "twin, compiled"
 FRAMES = "its frames alone, each encoded and decoded once"
 
 
@@ -19,9 +24,13 @@ def group(settings: Settings) -> Group:
         "plant and 3 boards in one process, ticks per second of CPU time",
         [
             Contender(PLAIN, partial(in_twin, settings)),
+            Contender(COMPILED, partial(in_compiled_twin, settings)),
             Contender(FRAMES, partial(frames_alone, settings)),
         ],
-        [Ratio("twin, of its frames alone", PLAIN, FRAMES, "ticks_per_s")],
+        [
+            Ratio("twin, of its frames alone", PLAIN, FRAMES, "ticks_per_s"),
+            Ratio("twin, compiled, of interpreted", COMPILED, PLAIN, "ticks_per_s"),
+        ],
     )
 
 
@@ -55,3 +64,15 @@ def in_twin(settings: Settings) -> Figures:
             started_s = time.process_time()
     ticks = settings.ticks - 1  # The first is over when the clock starts.
     return {"ticks_per_s": ticks / (time.process_time() - started_s)}
+
+
+def in_compiled_twin(settings: Settings) -> Figures:
+    """The same, with the control loop in C, in a process of its own."""
+    command = [sys.executable, "-m", "tests.bench.twin", json.dumps(settings)]
+    told = subprocess.run(command, cwd=compiled_copy(), capture_output=True, check=True).stdout
+    figures: Figures = json.loads(told)
+    return figures
+
+
+if __name__ == "__main__":
+    print(json.dumps(in_twin(Settings(*json.loads(sys.argv[1])))))

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from deploy import doctor, rigs
 from deploy import doctor_checks as look
 from deploy.doctor_checks import Check
 from deploy.scenario import load
+from protocol.compiled import PACKAGES
 from protocol.exit_codes import ExitCode
 
 FINE = Check("cores", "ok", "2")
@@ -79,6 +81,15 @@ def test_a_missing_package_comes_with_how_to_install_it() -> None:
     check = look.package("numpy", "2.0", missing)
     assert check == WRONG
     assert look.package("msgpack", "1.0").found == version("msgpack")
+
+
+def test_a_compiled_control_loop_is_told_of(tmp_path: Path) -> None:
+    assert look.control_loop().found.startswith("interpreted")
+    for package in PACKAGES:
+        (tmp_path / package).mkdir()
+    (tmp_path / "plant_server" / "body.py").touch()
+    (tmp_path / "plant_server" / f"body{EXTENSION_SUFFIXES[0]}").touch()
+    assert look.control_loop(tmp_path).found == "compiled"
 
 
 def test_what_only_slows_a_robot_down_is_no_fault() -> None:
@@ -160,6 +171,7 @@ def test_where_the_tests_run_a_robot_can_too() -> None:
     packages = set(look.needs().packages)
     assert looked == packages | {
         "Python",
+        "control loop",
         "cores",
         "memory",
         "loopback",
