@@ -13,12 +13,14 @@ MODULES = {
     "protocol": ("chance", "clocks"),
     "module_agent": (
         "board", "body_view", "consensus", "counts", "election", "elector", "hearing",
-        "kinematics", "lateness", "mailbox", "plausibility", "realtime_board",
-        "realtime_election", "realtime_sensing", "realtime_view", "sensing", "servo", "speech",
+        "kinematics", "lateness", "mailbox", "plausibility", "post", "realtime", "realtime_board",
+        "realtime_cycle", "realtime_election", "realtime_sensing", "realtime_view", "runtime",
+        "sensing", "servo", "speech", "timing",
     ),
     "plant_server": (
         "actuators", "answers", "articulated", "attendance", "body", "free_running", "lockstep",
-        "pushes", "roster", "sensor_faults", "sensors", "telemetry",
+        "post", "pushes", "realtime", "roster", "runtime", "sensor_faults", "sensors",
+        "telemetry", "voice",
     ),
 }  # fmt: skip
 SHARED = "protocol.control_loop"

@@ -47,11 +47,11 @@ class Post:
         self._declared = [
             session.declare_subscriber(keys.observation(rig, joint), self._observed()),
             session.declare_subscriber(keys.end(rig), self._left(END)),
-            *(
+            *[
                 session.declare_subscriber(keys.link(rig, neighbour, joint), self._hearing(link))
                 for link, neighbour in enumerate(config.neighbour_joints)
-            ),
-            *(link.declare_matching_listener(self._left(MATCHING)) for link in self._links),
+            ],
+            *[link.declare_matching_listener(self._left(MATCHING)) for link in self._links],
             alive.declare_subscriber(keys.plant_alive(rig), self._left(PLANT), history=True),
             alive.declare_token(keys.alive(rig, joint, self.boot)),
         ]
@@ -128,5 +128,5 @@ def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 def is_up(link: zenoh.Publisher) -> bool:
     """Whether what is said on a link is heard at its other end."""
-    status: Any = link.matching_status  # The stub calls it a bool; it is an object.
-    return bool(status.matching)
+    told: Any = link  # The stub calls its status a bool; it is an object.
+    return bool(told.matching_status.matching)

@@ -30,7 +30,9 @@ from protocol import keys
 from protocol.enrolment import EnrolmentReply
 from protocol.exit_codes import ExitCode
 from protocol.frames import ProtocolError
+from protocol.scenario import ResolvedScenario
 from protocol.states import State, entered
+from protocol.wiring import Rig
 
 IDLE_S = 0.005
 """How often a board that has no loop yet looks for its first observation."""
@@ -91,12 +93,24 @@ class RealtimePost(Post):
 class RealtimeRuntime(Runtime):
     """One board process in realtime, from its session to the end of the run."""
 
-    post: RealtimePost
-
-    def __init__(self, *place: Any, trouble: str | None = None) -> None:
+    def __init__(
+        self,
+        post: Post,
+        config: BoardConfig,
+        scenario: ResolvedScenario,
+        rig: Rig,
+        *,
+        trouble: str | None = None,
+    ) -> None:
         self.cycle: Cycle | None = None
-        super().__init__(*place, trouble=trouble)
-        self._asked_ns = self._observed_ns = self.post.now_ns()
+        super().__init__(post, config, scenario, rig, trouble=trouble)
+        self._asked_ns = self._observed_ns = self.mail.now_ns()
+
+    @property
+    def mail(self) -> RealtimePost:
+        """The place on the network, which is not the one of lockstep."""
+        assert isinstance(self.post, RealtimePost)
+        return self.post
 
     def run(self) -> NoReturn:
         """Enrol, then turn by turn until the run is over. Raises as `Runtime.run` does."""
@@ -120,7 +134,7 @@ class RealtimeRuntime(Runtime):
 
     def _report_rest(self) -> None:
         if self.cycle is not None:
-            self.post.report(self.cycle.rest())
+            self.mail.report(self.cycle.rest())
 
     def _wait(self) -> None:
         """Sleep until the next turn; without a loop, until something happens."""
@@ -131,13 +145,13 @@ class RealtimeRuntime(Runtime):
             except Empty:
                 self._ask_again(self._wait_longer)
             return
-        if (wait_ns := next_ns - self.post.now_ns()) > 0:
-            time.sleep(wait_ns * 1e-9 / self.post.rate)
-        if self.post.now_ns() - self._observed_ns > SILENT_NS:
+        if (wait_ns := next_ns - self.mail.now_ns()) > 0:
+            time.sleep(wait_ns * 1e-9 / self.mail.rate)
+        if self.mail.now_ns() - self._observed_ns > SILENT_NS:
             self._ask_again(self._ask)
 
     def _ask_again(self, ask: Any) -> None:
-        now_ns = self.post.now_ns()
+        now_ns = self.mail.now_ns()
         if now_ns - self._asked_ns > ASK_EVERY_S * 1e9:
             self._asked_ns = now_ns
             ask()
@@ -151,8 +165,8 @@ class RealtimeRuntime(Runtime):
             return
         for link, payload, _ in self.post.heard():
             cycle.board.hear(link, payload)
-        while self.post.arrived:
-            arrived_ns, sample = self.post.arrived.popleft()
+        while self.mail.arrived:
+            arrived_ns, sample = self.mail.arrived.popleft()
             self._observed_ns = arrived_ns
             try:
                 cycle.observed(sample.payload.to_bytes(), arrived_ns)
@@ -166,16 +180,16 @@ class RealtimeRuntime(Runtime):
 
     def _turn(self, cycle: Cycle) -> None:
         started_ns = time.thread_time_ns()
-        turn = cycle.wake(self.post.now_ns())
+        turn = cycle.wake(self.mail.now_ns())
         if turn is None:
             return
         for slot in turn.slots:
             self.last = cycle.board.play(slot)
             self.post.say(self.last)
-            self.post.report(cycle.said(slot, self.post.now_ns()))
+            self.mail.report(cycle.said(slot, self.mail.now_ns()))
         for word in cycle.last_words():
-            self.post.report(word)
-        line = cycle.turned(self.post.now_ns(), time.thread_time_ns() - started_ns)
+            self.mail.report(word)
+        line = cycle.turned(self.mail.now_ns(), time.thread_time_ns() - started_ns)
         if line is not None:
             self._tell(line)
         now_s = time.monotonic()

@@ -41,16 +41,16 @@ class Post:
         put = zenoh.handlers.Callback(self.events.put, indirect=False)
         note = zenoh.handlers.Callback(self._timings.append, indirect=False)
         self._declared = [
-            *(session.declare_subscriber(key, put) for key in self.torque_keys),
-            *(
+            *[session.declare_subscriber(key, put) for key in self.torque_keys],
+            *[
                 session.declare_subscriber(keys.stalled(name, joint), self._left(STALLED))
                 for joint in joints
-            ),
-            *(session.declare_subscriber(key, note) for key in self._timing_keys if records),
-            *(
+            ],
+            *[session.declare_subscriber(key, note) for key in self._timing_keys if records],
+            *[
                 session.declare_subscriber(keys.fault(name, joint), self._left(FAULT))
                 for joint in joints
-            ),
+            ],
             session.declare_queryable(keys.ENROL, self._left(ENROL)),
             session.declare_queryable(keys.control(name), self._left(CONTROL)),
             alive.declare_subscriber(keys.any_alive(name), self._left(ALIVE), history=True),
@@ -63,8 +63,8 @@ class Post:
 
     def reaches(self, board: int) -> bool:
         """Whether an observation would be heard by a process of that board."""
-        status: Any = self._observations[board].matching_status  # The stub calls it a bool.
-        return bool(status.matching)
+        told: Any = self._observations[board]  # The stub calls its status a bool; it is an object.
+        return bool(told.matching_status.matching)
 
     def timings(self) -> Iterator[tuple[int, bytes]]:
         """Boards and the timing frames that have come from them since the last look."""

@@ -13,7 +13,7 @@ from queue import Empty
 
 import zenoh
 
-from plant_server.config import plant_config
+from plant_server.config import PlantConfig, plant_config
 from plant_server.free_running import FreeRunning
 from plant_server.options import Options
 from plant_server.pace import Pace
@@ -74,9 +74,7 @@ class PacedRuntime(Runtime):
 class RealtimeRuntime(PacedRuntime):
     """A plant that waits for nobody but the wall clock."""
 
-    plant_class = FreeRunning
     late = "the host is too slow for"
-    lockstep: FreeRunning
 
     def __init__(
         self,
@@ -100,6 +98,15 @@ class RealtimeRuntime(PacedRuntime):
             )
             for joint in self.joints
         ]
+
+    @property
+    def free_running(self) -> FreeRunning:
+        """The plant, which is not the one of lockstep."""
+        assert isinstance(self.lockstep, FreeRunning)
+        return self.lockstep
+
+    def _make_plant(self, config: PlantConfig) -> FreeRunning:
+        return FreeRunning(config, run_id=self.enrolment.run_id)
 
     def _await_due(self) -> None:
         tick = self.lockstep.tick
@@ -148,7 +155,7 @@ class RealtimeRuntime(PacedRuntime):
         now_s = time.monotonic()
         if now_s - self._complained_s >= COMPLAIN_EVERY_S:
             self._complained_s = now_s
-            age_ms = self.lockstep.cadence.age_ticks_max * self.lockstep.config.tick_s * 1e3
+            age_ms = self.free_running.cadence.age_ticks_max * self.lockstep.config.tick_s * 1e3
             self._tell(
                 f"{self.joints[board]}'s torque was older than {age_ms:g} ms at tick"
                 f" {self.lockstep.tick - 1}, for no newer one had come; 0 N m until one does"
@@ -159,7 +166,7 @@ class RealtimeRuntime(PacedRuntime):
             sample: zenoh.Sample = event[1]
             board = self.joints.index(keys.joint_of(str(sample.key_expr)))
             payload = sample.payload.to_bytes()
-            if self.lockstep.lived(board, payload) and self.recorder is not None:
+            if self.free_running.lived(board, payload) and self.recorder is not None:
                 self.recorder.keep_realtime(board, payload)
         else:
             super()._handle(event)

@@ -11,7 +11,7 @@ from queue import Empty
 import zenoh
 
 from plant_server import control
-from plant_server.config import plant_config
+from plant_server.config import PlantConfig, plant_config
 from plant_server.enrolment import Enrolment
 from plant_server.lockstep import Lockstep
 from plant_server.options import Options
@@ -41,8 +41,6 @@ HURRIED_S = 0.5
 class Runtime:
     """One plant process, from its place on the network to the end of the run."""
 
-    plant_class: type[Lockstep] = Lockstep
-
     def __init__(
         self,
         post: Post,
@@ -55,8 +53,7 @@ class Runtime:
         self.options = options
         self.joints = scenario.joints
         self.enrolment = Enrolment(rig=rig.name, joints=self.joints, digest=scenario.digest)
-        config = plant_config(scenario.values)
-        self.lockstep = self.plant_class(config, run_id=self.enrolment.run_id)
+        self.lockstep = self._make_plant(plant_config(scenario.values))
         self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = post
         self._released_s: float | None = None
@@ -69,6 +66,9 @@ class Runtime:
         self._starved: dict[int, int] = {}
         """Boards that say whose frame they wait for."""
         self._answered_ns = [0] * len(self.joints)
+
+    def _make_plant(self, config: PlantConfig) -> Lockstep:
+        return Lockstep(config, run_id=self.enrolment.run_id)
 
     def run(self) -> Outcome:
         """Wait for every board, then tick to the end. Returns how the run ended."""
