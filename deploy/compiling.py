@@ -15,12 +15,12 @@ MODULES = {
         "board", "body_view", "consensus", "counts", "election", "elector", "hearing",
         "kinematics", "lateness", "mailbox", "plausibility", "post", "realtime", "realtime_board",
         "realtime_cycle", "realtime_election", "realtime_sensing", "realtime_view", "runtime",
-        "sensing", "servo", "speech", "timing",
+        "sensing", "servo", "speech",
     ),
     "plant_server": (
         "actuators", "answers", "articulated", "attendance", "body", "free_running", "lockstep",
         "post", "pushes", "realtime", "roster", "runtime", "sensor_faults", "sensors",
-        "telemetry", "voice",
+        "telemetry",
     ),
 }  # fmt: skip
 SHARED = "protocol.control_loop"

@@ -3,7 +3,8 @@
     python -m tests.bench.instrumented FOLDER ROLE MODULE ARGUMENT ...
 
 The program is the one that a user runs. Only the ends of its ticks are watched from here, through
-`Lockstep.close` and `Board.tick`, and some settings of the transport can be others (`Place`):
+`Voice.show` and `BoardTiming.ticked`, which are never compiled, and some settings of the transport
+can be others (`Place`):
 
     lowlatency      false: with priorities and fragmentation
     link            "unixsock-stream" instead of tcp
@@ -19,10 +20,8 @@ from typing import Any
 from unittest.mock import patch
 
 import protocol.wiring
-from module_agent.board import Actuation, Board
-from plant_server.lockstep import Lockstep
-from plant_server.record import TickRecord
-from protocol.frames import Observation
+from module_agent.timing import BoardTiming
+from plant_server.voice import Voice
 from protocol.wiring import Rig
 from tests.bench import knobs
 from tests.bench.job import PLANT, Place, tick_figures, write_figures
@@ -70,25 +69,23 @@ def main() -> None:
 
 
 def _watch_plant(watch: Watch) -> None:
-    close = Lockstep.close
+    show = Voice.show
 
-    def closed(lockstep: Lockstep) -> TickRecord:
-        record = close(lockstep)
-        watch.end_of_tick(record.tick)
-        return record
+    def shown(voice: Voice, tick: int, released_s: float | None) -> None:
+        show(voice, tick, released_s)
+        watch.end_of_tick(tick)
 
-    patch.object(Lockstep, "close", closed).start()
+    patch.object(Voice, "show", shown).start()
 
 
 def _watch_board(watch: Watch) -> None:
-    tick = Board.tick
+    ticked = BoardTiming.ticked
 
-    def ticked(board: Board, observation: Observation) -> Actuation:
-        actuation = tick(board, observation)
-        watch.end_of_tick(observation.tick)
-        return actuation
+    def noted(timing: BoardTiming, tick: int, *stamps_ns: int) -> None:
+        ticked(timing, tick, *stamps_ns)
+        watch.end_of_tick(tick)
 
-    patch.object(Board, "tick", ticked).start()
+    patch.object(BoardTiming, "ticked", noted).start()
 
 
 def _set_transport(place: Place) -> None:
