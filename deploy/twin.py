@@ -47,7 +47,6 @@ class Twin:
         """
         lockstep = self.lockstep
         self._boundary()
-        said = []
         for index, payload in lockstep.open():
             firmware = self.boards[index]
             assert firmware is not None
@@ -55,9 +54,7 @@ class Twin:
             for fault in actuation.faults:
                 lockstep.report(index, fault)
             lockstep.answer(index, actuation.torque)
-            said.append((firmware, actuation.links))
-        for sender, payloads in said:
-            self._deliver(sender, payloads)
+            self._deliver(firmware, actuation.links)
 
     def run(self) -> Iterator[TickRecord]:
         """Play ticks, warm-up included, until the run is over."""
