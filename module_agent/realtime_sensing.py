@@ -14,15 +14,8 @@ from protocol.sensors import EXACT, SensorSheet
 class RealtimeSensing(Sensing):
     """A `Sensing` whose ticks are own periods, some of which have brought no reading."""
 
-    def __init__(
-        self,
-        sheet: SensorSheet = EXACT,
-        *,
-        tick_s: float,
-        has_imu: bool,
-        uneven: bool = False,
-    ) -> None:
-        super().__init__(sheet, tick_s=tick_s, has_imu=has_imu, uneven=uneven)
+    def __init__(self, sheet: SensorSheet = EXACT, *, tick_s: float, has_imu: bool) -> None:
+        super().__init__(sheet, tick_s=tick_s, has_imu=has_imu)
         self.sampled_slot: int = NO_TICK
         """The period that the readings given to `read` are of."""
         self._judged_slot: int = NO_TICK

@@ -33,10 +33,10 @@ def changed(root: Path = ROOT) -> list[Path]:
 
 def insist_on_current() -> None:
     """End this process with one line if what would run is not what is written."""
-    for source in sorted(changed()):
+    if stale := changed():
         print(
-            f"{source.relative_to(ROOT)} has changed since it was compiled; `make compiled` makes"
-            " its new form, `make interpreted` does without",
+            f"{min(stale).relative_to(ROOT)} has changed since it was compiled; `make compiled`"
+            " makes its new form, `make interpreted` does without",
             file=sys.stderr,
         )
         sys.exit(ExitCode.BAD_INPUT)

@@ -1,4 +1,4 @@
-"""A checkout with its control loop in C, made once for a run of the bench."""
+"""A checkout with its control loop in C, made once for whoever asks in a process."""
 
 import atexit
 import shutil

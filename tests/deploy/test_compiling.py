@@ -10,6 +10,7 @@ import pytest
 
 from deploy.compiling import MODULES
 from protocol.compiled import ROOT, compiled
+from tests.bench.compiled import compiled_copy
 
 COMPILER = str(sysconfig.get_config_var("CC") or "cc").split()[0]
 PLAY = """
@@ -32,12 +33,9 @@ def _said(folder: Path, *command: str) -> str:
 
 
 @pytest.mark.skipif(shutil.which(COMPILER) is None, reason="there is no C compiler")
-def test_compiled_it_says_and_does_the_same(tmp_path: Path) -> None:
+def test_compiled_it_says_and_does_the_same() -> None:
     """Every record: states, torques, and all that boards said. In realtime, all laws hold."""
-    copy = tmp_path / "decmesh"
-    skipped = shutil.ignore_patterns("*.pyc", "runs", "build", ".*", "*.png")
-    shutil.copytree(ROOT, copy, ignore=skipped)
-    _said(copy, "-m", "deploy.compiling")
+    copy = compiled_copy()
     assert len(list(compiled(copy))) == sum(map(len, MODULES.values()))
     assert _said(copy, "-c", PLAY) == _said(ROOT, "-c", PLAY)
     _said(copy, "-m", "pytest", "-q", "tests/realtime")
