@@ -25,7 +25,7 @@ compiled: .venv/dev interpreted
 	$(BIN)/python -m deploy.compiling
 
 interpreted:
-	rm -f protocol/*.so module_agent/*.so plant_server/*.so
+	find protocol module_agent plant_server -name '*.so' -delete
 
 bench: .venv/bench
 	$(BIN)/python -m tests.bench $(BENCH)

@@ -2,7 +2,7 @@
 
 import sys
 
-from protocol.exit_codes import ExitCode
+from protocol.process.exit_codes import ExitCode
 
 try:
     from deploy.cli import main

@@ -5,20 +5,18 @@ from typing import Any, NoReturn
 
 import typer
 
-from deploy import (
-    live_cli,
-    measure_cli,
-    recording_cli,
-    report_cli,
-    run_cli,
-    scenario_cli,
-    study_cli,
-)
+from deploy.commands import live as live_cli
+from deploy.commands import measure as measure_cli
+from deploy.commands import recordings as recording_cli
+from deploy.commands import report as report_cli
+from deploy.commands import run as run_cli
+from deploy.commands import scenarios as scenario_cli
+from deploy.commands import study as study_cli
+from deploy.commands.terminal import JsonOption, out, print_json
 from deploy.failure import FailedError
-from deploy.terminal import JsonOption, out, print_json
-from protocol.exit_codes import ExitCode
-from protocol.process import StoppedError, stop_on_signals
-from protocol.scenario import ScenarioError
+from protocol.process.exit_codes import ExitCode
+from protocol.process.stopping import StoppedError, stop_on_signals
+from protocol.robot.scenario import ScenarioError
 
 RUN, SCENARIOS, MEASURE, LIVE = "Run", "Scenarios", "Measure", "On a running robot"
 GUIDE = """\
@@ -76,7 +74,7 @@ def doctor(as_json: JsonOption = False) -> None:
 
     Example: decmesh doctor
     """
-    from deploy import doctor as doctors  # noqa: PLC0415 - it imports the packages that it looks at
+    from deploy.commands import doctor as doctors  # noqa: PLC0415 - it imports the packages that it looks at
 
     checks = doctors.examine()
     if as_json:

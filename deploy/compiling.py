@@ -7,20 +7,21 @@ What is compiled is what runs in every tick, but for frames, which are made from
 from mypyc.build import mypycify
 from setuptools import setup
 
-from protocol.compiled import compiled
+from protocol.process.compiled import compiled
 
 MODULES = {
-    "protocol": ("chance", "clocks"),
-    "module_agent": (
-        "board", "body_view", "consensus", "counts", "election", "elector", "hearing",
-        "kinematics", "lateness", "mailbox", "plausibility", "post", "realtime", "realtime_board",
-        "realtime_cycle", "realtime_election", "realtime_sensing", "realtime_view", "runtime",
-        "sensing", "servo", "speech",
+    "protocol/robot": ("chance", "clocks"),
+    "module_agent/firmware": (
+        "board", "body_view", "consensus", "counts", "election", "elector", "frame_writer",
+        "hearing", "kinematics", "lateness", "plausibility", "sensing", "servo",
     ),
-    "plant_server": (
-        "actuators", "answers", "articulated", "attendance", "body", "free_running", "lockstep",
-        "post", "pushes", "realtime", "roster", "runtime", "sensor_faults", "sensors",
-        "telemetry",
+    "module_agent/firmware/own_time": ("board", "cycle", "election", "mailbox", "sensing", "view"),
+    "module_agent/process": ("network", "realtime_runtime", "runtime"),
+    "plant_server/body": ("articulated", "body", "disturbances"),
+    "plant_server/hardware": ("actuators", "sensor_faults", "sensors"),
+    "plant_server/process": ("network", "realtime", "runtime"),
+    "plant_server/session": (
+        "answers", "attendance", "free_running", "lockstep", "roster", "telemetry",
     ),
 }  # fmt: skip
 SHARED = "protocol.control_loop"
@@ -31,7 +32,7 @@ BY_THE_BOOK = "-ffp-contract=off"
 
 def main() -> None:
     """Compile, and leave each library beside its source."""
-    paths = [f"{package}/{name}.py" for package, names in MODULES.items() for name in names]
+    paths = [f"{folder}/{name}.py" for folder, names in MODULES.items() for name in names]
     extensions = mypycify(paths, group_name=SHARED)
     for extension in extensions:
         extension.extra_compile_args.append(BY_THE_BOOK)

@@ -3,11 +3,11 @@
 import argparse
 import sys
 
-from module_agent.serving import serve
-from protocol.enrolment import Verdict
-from protocol.exit_codes import ExitCode, refused
-from protocol.process import StoppedError, stop_at_end_of_input, stop_on_signals
-from protocol.scenario import ScenarioError, load
+from module_agent.process.serving import serve
+from protocol.process.exit_codes import ExitCode, refused
+from protocol.process.stopping import StoppedError, stop_at_end_of_input, stop_on_signals
+from protocol.robot.scenario import ScenarioError, load
+from protocol.wire.enrolment import Verdict
 
 
 def main() -> int:

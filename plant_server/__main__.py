@@ -8,23 +8,23 @@ from pathlib import Path
 
 import zenoh
 
-from plant_server.facts import facts
-from plant_server.options import Options
-from plant_server.post import Post
-from plant_server.realtime import runtime_for
+from plant_server.process.network import Post
+from plant_server.process.options import Options
+from plant_server.process.realtime import runtime_for
 from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
-from plant_server.spool import SpoolWriter
-from protocol.durations import duration_s, pace
-from protocol.exit_codes import ExitCode
-from protocol.process import (
+from plant_server.spool.facts import facts
+from plant_server.spool.spool import SpoolWriter
+from protocol.process.durations import duration_s, pace
+from protocol.process.exit_codes import ExitCode
+from protocol.process.stopping import (
     StoppedError,
     ignore_signals,
     restarted_when_stuck,
     stop_at_end_of_input,
     stop_on_signals,
 )
-from protocol.scenario import ResolvedScenario, ScenarioError, load
-from protocol.wiring import network_trouble, plant_session, rig_of, set_runtime_threads
+from protocol.robot.scenario import ResolvedScenario, ScenarioError, load
+from protocol.wire.wiring import network_trouble, plant_session, rig_of, set_runtime_threads
 
 
 def main() -> int:
@@ -54,7 +54,7 @@ def main() -> int:
 def serve(scenario: ResolvedScenario, options: Options) -> int:
     """Run the plant over Zenoh; return the exit code.
 
-    Raises `protocol.process.StoppedError` when it is told to stop before the run has begun.
+    Raises `stopping.StoppedError` when it is told to stop before the run has begun.
     """
     rig = rig_of(scenario.values)
     set_runtime_threads()

@@ -25,10 +25,10 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from deploy.rigs import claim
-from deploy.scenario import load
-from deploy.twin import Twin
-from protocol.scenario import canonical
+from deploy.launch.rigs import claim
+from deploy.launch.twin import Twin
+from deploy.scenario_file.load import load
+from protocol.robot.scenario import canonical
 
 SAMPLE_EVERY_S = 5.0
 WARM_UP_SHARE = 0.3

@@ -4,8 +4,8 @@ To the board all that it carries is one mass on its joint, as heavy and where it
 its torque is that mass's inertia times the acceleration that is wanted, less what gravity does.
 """
 
-from module_agent.config import BoardConfig
-from module_agent.controller import Seen
+from module_agent.firmware.config import BoardConfig
+from module_agent.firmware.controller import Seen
 
 GRAVITY_M_S2 = 9.81
 STIFFNESS_PER_S2 = 40.0

@@ -6,8 +6,8 @@ said, so all boards compare the same numbers: the maximum is one, and so is the 
 
 from math import radians
 
-from module_agent.config import BoardConfig
-from module_agent.controller import Candidate, Round, Vote
+from module_agent.firmware.config import BoardConfig
+from module_agent.firmware.controller import Candidate, Round, Vote
 
 MARGIN = radians(2.0)
 

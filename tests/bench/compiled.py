@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from protocol.compiled import ROOT
+from protocol.process.compiled import ROOT
 from tests.bench.children import UnavailableError
 
 

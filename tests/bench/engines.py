@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from plant_server.chain import GRAVITY_M_S2, Chain
-from plant_server.config import PlantConfig
+from plant_server.body.chain import GRAVITY_M_S2, Chain
+from plant_server.session.config import PlantConfig
 from tests.bench.plant import TICK_S
 
 Floats = NDArray[np.float64]
@@ -113,7 +113,7 @@ class Pinocchio(Arrays):
 
 
 class Numpy(Arrays):
-    """The equations of `plant_server.chain` as arrays."""
+    """The equations of `plant_server.body.chain` as arrays."""
 
     def __init__(self, config: PlantConfig) -> None:
         super().__init__(config)

@@ -4,7 +4,7 @@ import statistics
 import time
 from functools import cache, partial
 
-from deploy.twin import Twin
+from deploy.launch.twin import Twin
 from tests.bench.hanging import hanging
 from tests.bench.ours import lockstep
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings

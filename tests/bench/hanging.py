@@ -8,8 +8,8 @@ that every board is electing in every tick, however many there are.
 
 import math
 
-from deploy.board_tables import BoardHardware, resolved_hardware
-from protocol.scenario import ResolvedScenario, resolved
+from deploy.scenario_file.board_tables import BoardHardware, resolved_hardware
+from protocol.robot.scenario import ResolvedScenario, resolved
 
 LUMPED_DELAY_TICKS = 10
 LENGTH_M = 0.1

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import protocol.wiring
-from module_agent.timing import BoardTiming
-from plant_server.voice import Voice
-from protocol.wiring import Rig
+import protocol.wire.wiring
+from module_agent.firmware.timing import BoardTiming
+from plant_server.process.console import Voice
+from protocol.wire.wiring import Rig
 from tests.bench import knobs
 from tests.bench.job import PLANT, Place, tick_figures, write_figures
 from tests.bench.marks import Marks
@@ -89,8 +89,8 @@ def _watch_board(watch: Watch) -> None:
 
 
 def _set_transport(place: Place) -> None:
-    """Change what `protocol.wiring` says of the transport."""
-    options, config_of = place.options, protocol.wiring._config
+    """Change what `protocol.wire.wiring` says of the transport."""
+    options, config_of = place.options, protocol.wire.wiring._config
 
     def config(**about: Any) -> dict[str, Any]:
         found = config_of(**about)
@@ -102,7 +102,7 @@ def _set_transport(place: Place) -> None:
     def endpoint(rig: Rig, port_offset: int) -> str:
         return f"unixsock-stream/{place.folder}/zenoh-{rig.base_port + port_offset}"
 
-    patch.object(protocol.wiring, "_config", config).start()
+    patch.object(protocol.wire.wiring, "_config", config).start()
     if options.get("link") == "unixsock-stream":
         patch.object(Rig, "endpoint", endpoint).start()
 

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from protocol.compiled import compiled
+from protocol.process.compiled import compiled
 
 LIBRARIES = (
     "decmesh", "eclipse-zenoh", "msgpack", "numpy", "scipy", "mujoco", "pin", "pyzmq", "lcm",

@@ -13,10 +13,10 @@ from itertools import pairwise
 from typing import Any
 from unittest.mock import patch
 
-import module_agent.post
-import plant_server.post
-from module_agent.board import Board
-from plant_server.lockstep import Lockstep
+import module_agent.process.network
+import plant_server.process.network
+from module_agent.firmware.board import Board
+from plant_server.session.lockstep import Lockstep
 from tests.bench.job import PLANT, Place
 from tests.bench.registry import Figures
 
@@ -32,13 +32,13 @@ class Marks:
         self.found: dict[str, list[Mark]] = {}
         if role == PLANT:
             self._watch(Lockstep, "begin", before="opens")
-            self._watch(plant_server.post.Post, "observe", after="put", which=True)
+            self._watch(plant_server.process.network.Post, "observe", after="put", which=True)
             self._watch(Lockstep, "answer", before="came", which=True)
             self._watch(Lockstep, "close", after="closed")
         else:
             self._watch(Board, "read", before="seen")
             self._watch(Board, "tick", before="begun", after="thought")
-            self._watch(module_agent.post.Post, "say", after="said")
+            self._watch(module_agent.process.network.Post, "say", after="said")
 
     def write(self, place: Place, role: int) -> None:
         """Leave them to `path_of_a_tick`."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from deploy.rigs import claim
-from deploy.scenario import load
-from protocol.scenario import ResolvedScenario, canonical
+from deploy.launch.rigs import claim
+from deploy.scenario_file.load import load
+from protocol.robot.scenario import ResolvedScenario, canonical
 from tests.bench.children import Children
 from tests.bench.compiled import compiled_copy
 from tests.bench.job import Place, job_figures

@@ -11,10 +11,10 @@ from functools import cache, partial
 from importlib.util import find_spec
 from typing import Protocol
 
-from deploy.scenario import load
-from plant_server.body import Body
-from plant_server.chain import Chain
-from plant_server.config import PlantConfig, plant_config
+from deploy.scenario_file.load import load
+from plant_server.body.body import Body
+from plant_server.body.chain import Chain
+from plant_server.session.config import PlantConfig, plant_config
 from tests.bench.children import UnavailableError
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
 
@@ -38,7 +38,7 @@ class Engine(Protocol):
 
 
 class Ours:
-    """`plant_server.body`."""
+    """`plant_server.body.body`."""
 
     def __init__(self, config: PlantConfig, substeps: int = 1) -> None:
         self._body = Body(

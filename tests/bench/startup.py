@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from deploy.live import Terminal
-from deploy.scenario import load
-from protocol.wiring import rig_of
+from deploy.launch.terminal_session import Terminal
+from deploy.scenario_file.load import load
+from protocol.wire.wiring import rig_of
 from tests.bench.children import ChildFailedError
 from tests.bench.hanging import hanging
 from tests.bench.ours import Rig, rig
@@ -28,7 +28,7 @@ def group(_settings: Settings) -> Group:
         "start and end of processes, s",
         [
             Contender(BARE, partial(imported, "sys")),
-            Contender(BOARD, partial(imported, "module_agent.runtime")),
+            Contender(BOARD, partial(imported, "module_agent.process.runtime")),
             Contender("a board: started to enrolled", enrolled),
             Contender("plant and 3 boards: started to tick 0", released),
             Contender("decmesh run of one tick, started to result", one_tick),

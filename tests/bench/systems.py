@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from deploy.rigs import claim
+from deploy.launch.rigs import claim
 from tests.bench.children import Children, UnavailableError
 from tests.bench.hanging import hanging
 from tests.bench.job import Place, job_figures, partners

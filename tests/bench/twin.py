@@ -6,9 +6,9 @@ import sys
 import time
 from functools import partial
 
-from deploy.scenario import load
-from deploy.twin import Twin
-from protocol.frames import LinkFrame, Observation, TorqueFrame, decode, encode
+from deploy.launch.twin import Twin
+from deploy.scenario_file.load import load
+from protocol.wire.frames import LinkFrame, Observation, TorqueFrame, decode, encode
 from tests.bench.compiled import compiled_copy
 from tests.bench.registry import Contender, Figures, Group, Ratio, Settings
 

@@ -8,11 +8,11 @@ from itertools import pairwise
 from math import copysign, fabs, isfinite
 from typing import Any
 
-from plant_server.hardware import MotorSheet
+from plant_server.hardware.data_sheets import MotorSheet
 from plant_server.record import TickRecord
-from plant_server.spool import Spool
-from protocol.frames import TorqueFrame, decode
-from protocol.states import DRIVING
+from plant_server.spool.spool import Spool
+from protocol.robot.states import DRIVING
+from protocol.wire.frames import TorqueFrame, decode
 
 Said = list[TorqueFrame | None]
 """What each board said in a tick; None: there was none, or it said nothing."""

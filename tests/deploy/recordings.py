@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from deploy.recording import Fate, Flags, LinkHistory, Recording
-from deploy.scenario import load
-from deploy.trajectory import Floats, Integers, Trajectory, trajectory
-from deploy.twin import run_twin
+from deploy.launch.twin import run_twin
+from deploy.recording.arrays import Fate, Flags, LinkHistory, Recording
+from deploy.recording.trajectory import Floats, Integers, Trajectory, trajectory
+from deploy.scenario_file.load import load
 
 START_NS = 5_000_000_000
 

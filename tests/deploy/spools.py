@@ -2,12 +2,12 @@
 
 from functools import cache
 
-from deploy.scenario import load
-from deploy.twin import run_twin
+from deploy.launch.twin import run_twin
+from deploy.scenario_file.load import load
 from plant_server.record import TickRecord, Walls
-from plant_server.spool import Spool
-from protocol.scenario import ResolvedScenario, resolved
-from protocol.timing import TickTiming, Timing
+from plant_server.spool.spool import Spool
+from protocol.robot.scenario import ResolvedScenario, resolved
+from protocol.wire.timing import TickTiming, Timing
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
 SHORT = {

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from plant_server.record import TickRecord
-from protocol.frames import TorqueFrame, decode, encode
+from protocol.wire.frames import TorqueFrame, decode, encode
 from tests.deploy.checker import BrokenRecordingError, check
 from tests.deploy.spools import SHORT, bad_link, spool
 

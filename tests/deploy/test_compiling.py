@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from deploy.compiling import MODULES
-from protocol.compiled import ROOT, compiled
+from protocol.process.compiled import ROOT, compiled
 from tests.bench.compiled import compiled_copy
 
 COMPILER = str(sysconfig.get_config_var("CC") or "cc").split()[0]
 PLAY = """
 import hashlib
-from deploy.scenario import load
-from deploy.twin import run_twin
+from deploy.scenario_file.load import load
+from deploy.launch.twin import run_twin
 for name in "bad-sensors bursty computed-torque hardware hotplug-limp hysteresis storm".split():
     records, outcome = run_twin(load(name))
     told = repr((records, outcome._replace(wall_s=0.0)))

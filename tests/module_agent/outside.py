@@ -3,7 +3,7 @@
 from hashlib import sha256
 from pathlib import Path
 
-from module_agent.config import Source
+from module_agent.firmware.config import Source
 
 SERVO = """
 class Mine:
@@ -14,7 +14,7 @@ class Mine:
         {body}
 """
 ELECTION = """
-from module_agent.controller import Candidate, Vote
+from module_agent.firmware.controller import Candidate, Vote
 
 class Mine:
     def __init__(self, config):

@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from module_agent.config import ElectionConfig
-from module_agent.consensus import MaxConsensus
-from module_agent.controller import Candidate
-from module_agent.election import Election, Gossip, Heard
+from module_agent.firmware.config import ElectionConfig
+from module_agent.firmware.consensus import MaxConsensus
+from module_agent.firmware.controller import Candidate
+from module_agent.firmware.election import Election, Gossip, Heard
 from tests.module_agent.robot import config
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 from math import cos, sin
 from typing import Any
 
-from module_agent.board import Actuation, Board
-from module_agent.config import BoardConfig, Controls, ElectionConfig, ServoGains
-from module_agent.kinematics import Link
-from protocol.commands import PERFECT
-from protocol.frames import (
+from module_agent.firmware.board import Actuation, Board
+from module_agent.firmware.config import BoardConfig, Controls, ElectionConfig, ServoGains
+from module_agent.firmware.kinematics import Link
+from protocol.robot.commands import PERFECT
+from protocol.wire.frames import (
     NO_TICK,
     LinkFrame,
     Neighbour,
@@ -18,7 +18,7 @@ from protocol.frames import (
     decode,
     encode,
 )
-from protocol.wiring import neighbours
+from protocol.wire.wiring import neighbours
 
 RUN = 2**31 + 7
 DELAY_TICKS = 10

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deploy.scenario import load
-from deploy.trajectory import trajectory
-from deploy.twin import Twin, run_twin
-from plant_server.body import Body
-from plant_server.chain import Chain, LinkInertia
-from protocol.frames import Observation, decode, encode
-from protocol.scenario import ResolvedScenario
+from deploy.launch.twin import Twin, run_twin
+from deploy.recording.trajectory import trajectory
+from deploy.scenario_file.load import load
+from plant_server.body.body import Body
+from plant_server.body.chain import Chain, LinkInertia
+from protocol.robot.scenario import ResolvedScenario
+from protocol.wire.frames import Observation, decode, encode
 
 Floats = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from deploy.scenario import load
-from deploy.twin import Twin
-from plant_server.body import Body
+from deploy.launch.twin import Twin
+from deploy.scenario_file.load import load
+from plant_server.body.body import Body
 
 
 class AccurateBody(Body):

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from deploy.scenario import load
-from deploy.trajectory import Trajectory, trajectory
-from deploy.twin import run_twin
-from module_agent.controller import Candidate
-from module_agent.election import Gossip
-from protocol.frames import TorqueFrame, decode
+from deploy.launch.twin import run_twin
+from deploy.recording.trajectory import Trajectory, trajectory
+from deploy.scenario_file.load import load
+from module_agent.firmware.controller import Candidate
+from module_agent.firmware.election import Gossip
+from protocol.wire.frames import TorqueFrame, decode
 from tests.module_agent.player import Player
 
 Floats = NDArray[np.float64]

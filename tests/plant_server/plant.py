@@ -3,12 +3,14 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from plant_server.chain import LinkInertia
-from plant_server.config import PlantConfig, Unattended
-from plant_server.lockstep import Lockstep
+from plant_server.body.chain import LinkInertia
 from plant_server.record import TickRecord
-from protocol.commands import Command, LinkParameters
-from protocol.frames import (
+from plant_server.session.config import PlantConfig, Unattended
+from plant_server.session.lockstep import Lockstep
+from protocol.robot.commands import Command, LinkParameters
+from protocol.robot.sensors import sensors_of
+from protocol.robot.states import State
+from protocol.wire.frames import (
     NO_EPOCH,
     LinkUse,
     Observation,
@@ -16,9 +18,7 @@ from protocol.frames import (
     decode,
     encode,
 )
-from protocol.sensors import sensors_of
-from protocol.states import State
-from protocol.wiring import neighbours
+from protocol.wire.wiring import neighbours
 
 RUN, OTHER_RUN = 0x8000_0001, 0x8000_0002
 JOINTS = ("ankle", "knee", "hip")

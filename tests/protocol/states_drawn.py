@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from protocol.states import DRIVING, TRANSITIONS, FaultCode, State, Transition
+from protocol.robot.states import DRIVING, TRANSITIONS, FaultCode, State, Transition
 
 GROUP = "driving"
 

@@ -11,17 +11,17 @@ from heapq import heappop, heappush
 from random import Random
 from typing import Any
 
-from module_agent.board import AnsweredError
-from module_agent.config import board_config
-from module_agent.realtime_cycle import Cycle
-from plant_server.config import plant_config
-from plant_server.free_running import FreeRunning
-from plant_server.pace import Pace
+from module_agent.firmware.board import AnsweredError
+from module_agent.firmware.config import board_config
+from module_agent.firmware.own_time.cycle import Cycle
 from plant_server.record import Outcome, TickRecord, Walls
-from plant_server.spool import PLANT, Spool
-from protocol.frames import ProtocolError
-from protocol.scenario import ResolvedScenario, run_id
-from protocol.trace import Lived, decode_trace
+from plant_server.session.config import plant_config
+from plant_server.session.free_running import FreeRunning
+from plant_server.session.pace import Pace
+from plant_server.spool.spool import PLANT, Spool
+from protocol.robot.scenario import ResolvedScenario, run_id
+from protocol.wire.frames import ProtocolError
+from protocol.wire.trace import Lived, decode_trace
 
 US, MS = 1_000, 1_000_000
 

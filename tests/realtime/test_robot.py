@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deploy.indices import elections
-from deploy.realtime_replay import Replayed, replay
-from deploy.realtime_summary import realtime_summary
-from deploy.realtime_table import verdict
-from deploy.realtime_times import realtime_times, turns
-from deploy.scenario import load
-from deploy.trajectory import Trajectory, trajectory
-from deploy.twin import run_twin
-from plant_server.spool import Spool
-from protocol.states import State
+from deploy.launch.twin import run_twin
+from deploy.outcome.indices import elections
+from deploy.outcome.realtime_summary import realtime_summary
+from deploy.outcome.realtime_table import verdict
+from deploy.recording.realtime_replay import Replayed, replay
+from deploy.recording.realtime_times import realtime_times, turns
+from deploy.recording.trajectory import Trajectory, trajectory
+from deploy.scenario_file.load import load
+from plant_server.spool.spool import Spool
+from protocol.robot.states import State
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
 SECOND = ("run.mode=realtime", "run.duration_s=1")

@@ -7,12 +7,12 @@ from random import Random
 
 import msgpack
 
-from plant_server import control
-from plant_server.lockstep import Lockstep
-from protocol import sensors
-from protocol.commands import Command
-from protocol.frames import VERSION, Observation, decode, encode, seal
-from protocol.wiring import neighbours
+from plant_server.session import control
+from plant_server.session.lockstep import Lockstep
+from protocol.robot import sensors
+from protocol.robot.commands import Command
+from protocol.wire.frames import VERSION, Observation, decode, encode, seal
+from protocol.wire.wiring import neighbours
 from tests.sim.plans import Plan, link_changes
 
 

@@ -13,8 +13,8 @@ on. With `keep-last` its neighbours find the epoch incomplete (S12), so there (b
 from collections.abc import Iterator
 from math import fabs
 
-from protocol.frames import NO_EPOCH, TorqueFrame
-from protocol.states import State
+from protocol.robot.states import State
+from protocol.wire.frames import NO_EPOCH, TorqueFrame
 from tests.sim.broken import BrokenLawError
 from tests.sim.robot import Robot
 

@@ -7,10 +7,10 @@ import hashlib
 from math import fabs
 from typing import NamedTuple
 
-from module_agent.sensing import BACK_TICKS, HOLD_TICKS_MAX
+from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX
 from plant_server.record import TickRecord
-from protocol.frames import TorqueFrame, decode
-from protocol.states import State
+from protocol.robot.states import State
+from protocol.wire.frames import TorqueFrame, decode
 from tests.sim.broken import BrokenLawError
 from tests.sim.laws import Laws, law
 from tests.sim.plans import Plan, plan
@@ -19,7 +19,7 @@ from tests.sim.robot import Robot
 SENSORS_BACK_TICKS = HOLD_TICKS_MAX + 1 + BACK_TICKS
 """A sensor that is whole again may jump to the truth: it is not believed, and given up first."""
 FLAILS_RAD_S = 40.0
-"""Up to here `module_agent.plausibility` accuses no sensor that works."""
+"""Up to here `module_agent.firmware.plausibility` accuses no sensor that works."""
 DRAIN_TICKS_MAX = 1000
 """Within so many ticks all commands are carried out that a run can have left."""
 COMPARED_EVERY = 8

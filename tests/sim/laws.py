@@ -6,14 +6,14 @@ knows to have happened, never against what the product believes of itself.
 
 from math import copysign, fabs, isfinite
 
-from module_agent.board import Board
-from module_agent.body_view import FORGET_EVERY_TICKS
-from module_agent.hearing import EARLY_FRAMES_MAX, Hearing
-from plant_server.hardware import IDEAL
+from module_agent.firmware.board import Board
+from module_agent.firmware.body_view import FORGET_EVERY_TICKS
+from module_agent.firmware.hearing import EARLY_FRAMES_MAX, Hearing
+from plant_server.hardware.data_sheets import IDEAL
 from plant_server.record import TickRecord
-from protocol.commands import DELAY_TICKS_MAX, PERFECT
-from protocol.frames import NO_EPOCH, NO_TICK, LinkFrame, TorqueFrame, decode
-from protocol.states import State
+from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT
+from protocol.robot.states import State
+from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, TorqueFrame, decode
 from tests.sim.agreement import Agreement
 from tests.sim.broken import BrokenLawError
 from tests.sim.robot import Robot

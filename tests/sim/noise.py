@@ -9,9 +9,9 @@ from math import inf, nan
 from random import Random
 from typing import TypeVar
 
-from module_agent.board import Board
-from plant_server.lockstep import Lockstep
-from protocol.frames import (
+from module_agent.firmware.board import Board
+from plant_server.session.lockstep import Lockstep
+from protocol.wire.frames import (
     NO_TICK,
     AnyFrame,
     LinkFrame,

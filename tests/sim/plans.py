@@ -9,9 +9,9 @@ from functools import cache
 from random import Random
 from typing import Any, NamedTuple
 
-from deploy.scenario import load
-from protocol.commands import DELAY_TICKS_MAX
-from protocol.scenario import ResolvedScenario, resolved
+from deploy.scenario_file.load import load
+from protocol.robot.commands import DELAY_TICKS_MAX
+from protocol.robot.scenario import ResolvedScenario, resolved
 
 RUN_TICKS = 100_000
 """The simulator ends a run, never the scenario."""

@@ -6,13 +6,13 @@ Rule 2: `answered` is what a board is known to have said before it died; laws co
 
 from typing import NamedTuple
 
-from deploy.twin import Twin
-from module_agent.board import Board, ReplacedError
-from module_agent.config import board_config
+from deploy.launch.twin import Twin
+from module_agent.firmware.board import Board, ReplacedError
+from module_agent.firmware.config import board_config
 from plant_server.record import TickRecord
-from protocol import sensors
-from protocol.frames import ProtocolError
-from protocol.wiring import neighbours
+from protocol.robot import sensors
+from protocol.wire.frames import ProtocolError
+from protocol.wire.wiring import neighbours
 from tests.sim.adversary import Adversary, Fate
 from tests.sim.broken import BrokenLawError
 from tests.sim.noise import PLANT, Noise

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from module_agent.board import Actuation, Board
-from module_agent.consensus import MaxConsensus
-from module_agent.controller import Candidate, Round, Vote
-from module_agent.hearing import Hearing
-from plant_server.lockstep import Lockstep
-from protocol.frames import LinkFrame, Neighbour, Observation, TorqueFrame, decode, encode
+from module_agent.firmware.board import Actuation, Board
+from module_agent.firmware.consensus import MaxConsensus
+from module_agent.firmware.controller import Candidate, Round, Vote
+from module_agent.firmware.hearing import Hearing
+from plant_server.session.lockstep import Lockstep
+from protocol.wire.frames import LinkFrame, Neighbour, Observation, TorqueFrame, decode, encode
 from tests.sim.hunt import find
 from tests.sim.plans import plan
 

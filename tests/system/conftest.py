@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy import rigs
-from deploy.scenario import load
+from deploy.launch import rigs
+from deploy.scenario_file.load import load
 from tests.system.rig import Rig
 
 

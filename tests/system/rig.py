@@ -12,11 +12,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from deploy.scenario import load
-from deploy.trajectory import trajectory
-from deploy.twin import run_twin
-from plant_server.spool import read_spool
-from protocol.scenario import ResolvedScenario, canonical
+from deploy.launch.twin import run_twin
+from deploy.recording.trajectory import trajectory
+from deploy.scenario_file.load import load
+from plant_server.spool.spool import read_spool
+from protocol.robot.scenario import ResolvedScenario, canonical
 
 PATIENCE_S = 30.0
 """For what must happen, however slow the machine is."""

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from deploy.results import read_run
-from plant_server.spool import read_spool
-from protocol import keys
-from protocol.frames import NO_TICK, LinkFrame, TorqueFrame, decode, encode, seal
-from protocol.states import COUNTERS
-from protocol.wiring import Rig as Address
-from protocol.wiring import rig_of, terminal_session
+from deploy.outcome.results import read_run
+from plant_server.spool.spool import read_spool
+from protocol.robot.states import COUNTERS
+from protocol.wire import keys
+from protocol.wire.frames import NO_TICK, LinkFrame, TorqueFrame, decode, encode, seal
+from protocol.wire.wiring import Rig as Address
+from protocol.wire.wiring import rig_of, terminal_session
 from tests.system.rig import Process, Rig, decmesh, eventually, said, twin_digest
 
 PAYLOADS = 100_000

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from deploy.results import read_run
-from deploy.scenario import load
-from deploy.trajectory import trajectory
-from deploy.twin import run_twin
-from protocol.enrolment import Verdict
-from protocol.exit_codes import ExitCode, refused
+from deploy.launch.twin import run_twin
+from deploy.outcome.results import read_run
+from deploy.recording.trajectory import trajectory
+from deploy.scenario_file.load import load
+from protocol.process.exit_codes import ExitCode, refused
+from protocol.wire.enrolment import Verdict
 from tests.module_agent.outside import SERVO
 from tests.system.rig import Rig, decmesh, eventually, recorded_ticks, said
 

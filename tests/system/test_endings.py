@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from deploy import rigs
-from deploy.results import read_run
-from deploy.trajectory import CUT_OFF
+from deploy.launch import rigs
+from deploy.outcome.results import read_run
+from deploy.recording.trajectory import CUT_OFF
 from plant_server.record import STOPPED
-from plant_server.spool import read_spool
-from protocol.exit_codes import ExitCode
-from protocol.frames import TorqueFrame, decode
-from protocol.scenario import next_run_id, run_id
+from plant_server.spool.spool import read_spool
+from protocol.process.exit_codes import ExitCode
+from protocol.robot.scenario import next_run_id, run_id
+from protocol.wire.frames import TorqueFrame, decode
 from tests.system.rig import (
     Process,
     Rig,

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from deploy.results import read_run
-from deploy.trajectory import Trajectory
-from protocol.exit_codes import ExitCode
-from protocol.states import State
+from deploy.outcome.results import read_run
+from deploy.recording.trajectory import Trajectory
+from protocol.process.exit_codes import ExitCode
+from protocol.robot.states import State
 from tests.system.rig import (
     Launched,
     Process,

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from deploy.results import read_run
-from deploy.scenario import load
-from deploy.trajectory import trajectory
-from deploy.twin import run_twin
+from deploy.launch.twin import run_twin
+from deploy.outcome.results import read_run
+from deploy.recording.trajectory import trajectory
+from deploy.scenario_file.load import load
 from tests.system.rig import Rig, decmesh, eventually, said, twin_digest
 
 

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import pytest
 
-from deploy.measure_consensus import grid
-from deploy.measure_network import Case, Network
-from deploy.measure_processes import boards_max, play
-from deploy.processes import RunFailedError
-from protocol.exit_codes import ExitCode
+from deploy.experiments.consensus.network import Case, Network
+from deploy.experiments.consensus.processes import boards_max, play
+from deploy.experiments.consensus.run import grid
+from deploy.launch.processes import RunFailedError
+from protocol.process.exit_codes import ExitCode
 from tests.system.rig import alive, children_of, decmesh, eventually
 
 EPOCHS = 60
-ELECTOR = "module_agent.elector_runtime"
+ELECTOR = "module_agent.process.elector_runtime"
 
 
 def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> Case:
@@ -119,7 +119,7 @@ def test_a_taken_port_is_one_line() -> None:
         port = taken.getsockname()[1]
         where = ("--base-port", str(port - 1))
         board = subprocess.run(
-            [sys.executable, "-m", "module_agent.elector_runtime", *who, *where],
+            [sys.executable, "-m", "module_agent.process.elector_runtime", *who, *where],
             capture_output=True,
             text=True,
             check=False,

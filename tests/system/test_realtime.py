@@ -15,14 +15,14 @@ from pathlib import Path
 
 import pytest
 
-from deploy.realtime_replay import replay
-from deploy.realtime_times import turns
-from deploy.recording_files import read_spool_of
-from deploy.results import read_run
-from plant_server.pace import SLIP_S
-from plant_server.spool import PLANT, read_spool
-from protocol.exit_codes import ExitCode
-from protocol.trace import Lived
+from deploy.outcome.results import read_run
+from deploy.recording.files import read_spool_of
+from deploy.recording.realtime_replay import replay
+from deploy.recording.realtime_times import turns
+from plant_server.session.pace import SLIP_S
+from plant_server.spool.spool import PLANT, read_spool
+from protocol.process.exit_codes import ExitCode
+from protocol.wire.trace import Lived
 from tests.system.rig import Launched, Rig, decmesh, eventually, said, twin_digest
 
 HEAVY = [f"board.{board}.link.inertia_kg_m2=1e5" for board in range(3)]

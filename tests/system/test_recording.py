@@ -8,16 +8,16 @@ from itertools import pairwise
 
 import pytest
 
-from deploy.results import read_run
-from deploy.scenario import load
-from deploy.twin import run_twin
+from deploy.launch.twin import run_twin
+from deploy.outcome.results import read_run
+from deploy.scenario_file.load import load
 from plant_server.record import STOPPED, Outcome, TickRecord
-from plant_server.spool import Spool, read_spool
-from protocol.exit_codes import ExitCode
-from protocol.fingerprint import fingerprint
-from protocol.machine import clock_id
-from protocol.timing import Timing
-from protocol.wiring import neighbours
+from plant_server.spool.spool import Spool, read_spool
+from protocol.process.exit_codes import ExitCode
+from protocol.process.fingerprint import fingerprint
+from protocol.process.machine import clock_id
+from protocol.wire.timing import Timing
+from protocol.wire.wiring import neighbours
 from tests.system.rig import Process, Rig, eventually, recorded_ticks, said, twin_digest
 
 FLOOR_NS = 1000

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from deploy.scenario import load
-from protocol.enrolment import Verdict
-from protocol.exit_codes import ExitCode, refused
-from protocol.frames import VERSION
-from protocol.scenario import canonical
+from deploy.scenario_file.load import load
+from protocol.process.exit_codes import ExitCode, refused
+from protocol.robot.scenario import canonical
+from protocol.wire.enrolment import Verdict
+from protocol.wire.frames import VERSION
 from tests.system.rig import Rig, decmesh, eventually, said
 
 
@@ -50,8 +50,8 @@ def test_boards_that_do_not_fit_are_told_why(make_rig: Callable[..., Rig]) -> No
 
 OF_ANOTHER_VERSION = """
 import sys
-import protocol.frames
-protocol.frames.VERSION += 1
+import protocol.wire.frames
+protocol.wire.frames.VERSION += 1
 from module_agent.__main__ import main
 sys.exit(main())
 """

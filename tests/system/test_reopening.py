@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import pytest
 import zenoh
 
-from protocol.wiring import plant_session, rig_of
+from protocol.wire.wiring import plant_session, rig_of
 from tests.system.rig import Rig, eventually
 
 

@@ -15,17 +15,17 @@ from random import Random
 
 import pytest
 
-from deploy.differences import first_difference
-from deploy.live import LiveError, Terminal
-from deploy.mcap_file import read_mcap
-from deploy.recording import read_recording
-from deploy.recording_files import read_spool_of
-from deploy.trajectory import CUT_OFF
+from deploy.launch.terminal_session import LiveError, Terminal
+from deploy.recording.arrays import read_recording
+from deploy.recording.differences import first_difference
+from deploy.recording.files import read_spool_of
+from deploy.recording.mcap.file import read_mcap
+from deploy.recording.trajectory import CUT_OFF
 from plant_server.record import COMPLETE, STOPPED
-from plant_server.spool import read_spool
-from protocol.commands import Command
-from protocol.exit_codes import ExitCode
-from protocol.wiring import rig_of
+from plant_server.spool.spool import read_spool
+from protocol.process.exit_codes import ExitCode
+from protocol.robot.commands import Command
+from protocol.wire.wiring import rig_of
 from tests.deploy.checker import check
 from tests.deploy.spools import SHORT
 from tests.system.rig import Process, Rig, decmesh, eventually, recorded_ticks, said

@@ -18,7 +18,7 @@ from typing import Any
 
 import zenoh
 
-from protocol.wiring import Rig, board_session, plant_session, set_runtime_threads
+from protocol.wire.wiring import Rig, board_session, plant_session, set_runtime_threads
 from tests.bench.job import LOOK_EVERY_S, PLANT, Place, partners
 
 

@@ -1,0 +1,254 @@
+"""Commands on a running robot: cut, heal, loss, delay, push, reference, sensor, and so on."""
+
+import math
+import re
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from deploy.commands.terminal import JsonOption, out, print_json
+from deploy.launch.status import status_shown
+from deploy.scenario_file.sensor_faults import fault_amount
+from deploy.scenario_file.ticks import MeaningError, whole_ticks
+from protocol.robot import sensors
+from protocol.robot.commands import DELAY_TICKS_MAX, Command
+
+RigOption = Annotated[
+    str | None,
+    typer.Option("--rig", help="Which robot: its base port, scenario or run folder, or HOST:PORT."),
+]
+LinkArgument = Annotated[str, typer.Argument(help="A link, such as ankle-knee, or all.")]
+JointArgument = Annotated[str, typer.Argument(help="A joint, such as knee.")]
+OneWayOption = Annotated[
+    bool, typer.Option("--one-way", help="Only from the first joint's board to the second's.")
+]
+
+QUANTITIES: dict[str, dict[str, float]] = {
+    "force": {"N": 1.0, "kN": 1000.0},
+    "time": {"ms": 1e-3, "s": 1.0},
+    "angle": {"deg": math.pi / 180.0, "rad": 1.0},
+}
+
+
+def quantity(text: str, kind: str) -> float:
+    """Read a number with its unit, such as 40N, 5ms or 3deg. Raises `typer.BadParameter`."""
+    units = QUANTITIES[kind]
+    match = re.fullmatch(rf"([-+]?[0-9]*\.?[0-9]+)({'|'.join(units)})", text.strip())
+    if match is None:
+        example = f"5{next(iter(units))}"
+        raise typer.BadParameter(f"{text!r} is no {kind}; write it like {example}")
+    return float(match[1]) * units[match[2]]
+
+
+def cut(
+    link: LinkArgument,
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Nothing passes a link any more.
+
+    Example: decmesh cut ankle-knee
+    """
+    _change(link, {"cut": 1.0}, rig, one_way=one_way, as_json=as_json)
+
+
+def heal(
+    link: LinkArgument = "all",
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A link is perfect again, or all of them are.
+
+    Example: decmesh heal
+    """
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        return ["heal", live.pairs_of(link, status, one_way=one_way)]
+
+    _do(command, rig, as_json=as_json)
+
+
+def loss(
+    probability: Annotated[float, typer.Argument(min=0.0, max=1.0, help="0 to 1.")],
+    link: LinkArgument = "all",
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Frames are lost at random, each with a probability.
+
+    Example: decmesh loss 0.2 knee-hip
+    """
+    _change(link, {"loss": probability}, rig, one_way=one_way, as_json=as_json)
+
+
+def delay(
+    time: Annotated[str, typer.Argument(help="How late frames come, such as 5ms.")],
+    link: LinkArgument = "all",
+    one_way: OneWayOption = False,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Frames come late.
+
+    Example: decmesh delay 5ms ankle-knee
+    """
+    late_s = quantity(time, "time")
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        pairs, tick_ms = live.pairs_of(link, status, one_way=one_way), 1e3 * status["tick_s"]
+        ticks = whole_ticks(1e3 * late_s, tick_ms)
+        if ticks is None or not 0 <= ticks <= DELAY_TICKS_MAX:
+            most = f"{DELAY_TICKS_MAX * tick_ms:g} ms, in whole ticks of {tick_ms:g} ms"
+            raise typer.BadParameter(f"{time!r} cannot be; a delay is from 0 to {most}")
+        return ["link", pairs, {"delay_ticks": float(ticks)}]
+
+    _do(command, rig, as_json=as_json)
+
+
+def push(
+    force: Annotated[str, typer.Argument(help="Such as 40N; forward positive.")],
+    duration: Annotated[str, typer.Option("--for", help="How long, such as 100ms.")] = "100ms",
+    segment: Annotated[str | None, typer.Option("--at", help="Link; default: the top.")] = None,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A horizontal force pushes the body, at a link's centre of mass.
+
+    Forward is positive; backward: decmesh push -- -40N
+
+    Example: decmesh push 40N --for 100ms --at trunk
+    """
+    force_n, duration_s = quantity(force, "force"), quantity(duration, "time")
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        names = status["segments"]
+        link = len(names) - 1 if segment is None else live.index_of(segment, names, "segment")
+        return ["push", link, force_n, max(1, round(duration_s / status["tick_s"]))]
+
+    _do(command, rig, as_json=as_json)
+
+
+def reference(
+    joint: JointArgument,
+    angle: Annotated[str, typer.Argument(help="Such as 5deg.")],
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Another goal for a board.
+
+    Example: decmesh reference hip 5deg
+    """
+    _of_joint(joint, "reference", [quantity(angle, "angle")], rig, as_json=as_json)
+
+
+def sensor(
+    joint: JointArgument,
+    fault: Annotated[str, typer.Argument(help=f"One of {', '.join(sensors.FAULTS)}.")],
+    which: Annotated[str, typer.Option("--of", help=", ".join(sensors.NAMES))] = sensors.ENCODER,
+    duration: Annotated[str | None, typer.Option("--for", help="Such as 500ms.")] = None,
+    period: Annotated[str | None, typer.Option(help="Of a slow one, such as 20ms.")] = None,
+    delay: Annotated[str | None, typer.Option(help="Of a delayed one, such as 100ms.")] = None,
+    probability: Annotated[float | None, typer.Option(help="Of an intermittent one.")] = None,
+    rig: RigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """A sensor of a board fails, or is whole again (ok).
+
+    Example: decmesh sensor knee stuck --for 500ms
+    """
+    period_ms, delay_ms, for_ms = (
+        None if text is None else quantity(text, "time") * 1e3 for text in (period, delay, duration)
+    )
+
+    def command(status: dict[str, Any], live: Any) -> Command:
+        tick_ms = status["tick_s"] * 1e3
+        try:
+            amount = fault_amount(
+                fault,
+                period_ms=period_ms,
+                delay_ms=delay_ms,
+                probability=probability,
+                tick_ms=tick_ms,
+            )
+        except MeaningError as error:
+            raise typer.BadParameter(str(error)) from error
+        ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
+        joints = [board["joint"] for board in status["boards"]]
+        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, amount, ticks]
+
+    _do(command, rig, as_json=as_json)
+
+
+def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
+    """A board is pulled: its process is killed.
+
+    Example: decmesh unplug knee
+    """
+    _of_joint(joint, "unplug", [], rig, as_json=as_json)
+
+
+def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
+    """A new board is put in where one was pulled.
+
+    Example: decmesh plug knee
+    """
+    _of_joint(joint, "plug", [], rig, as_json=as_json)
+
+
+def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
+    """How the robot is: tick, boards, links, who is waited for.
+
+    Example: decmesh status
+    """
+    from deploy.launch import terminal_session as live  # noqa: PLC0415 - only who talks to a robot needs the network
+
+    with live.Terminal(live.find_rig(rig)) as terminal:
+        now = terminal.status()
+    if as_json:
+        print_json(now)
+        return
+    for shown in status_shown(now):
+        if isinstance(shown, Table):
+            out.print(shown)
+        else:
+            out.print(shown, highlight=False, markup=False, soft_wrap=True)
+
+
+ALL = (cut, heal, loss, delay, push, reference, sensor, unplug, plug, status)
+
+
+def _change(
+    link: str, changes: dict[str, float], rig: str | None, *, one_way: bool, as_json: bool
+) -> None:
+    def command(status: dict[str, Any], live: Any) -> Command:
+        return ["link", live.pairs_of(link, status, one_way=one_way), changes]
+
+    _do(command, rig, as_json=as_json)
+
+
+def _of_joint(
+    joint: str, name: str, values: list[float], rig: str | None, *, as_json: bool
+) -> None:
+    def command(status: dict[str, Any], live: Any) -> Command:
+        joints = [board["joint"] for board in status["boards"]]
+        return [name, live.index_of(joint, joints, "joint"), *values]
+
+    _do(command, rig, as_json=as_json)
+
+
+def _do(command: Any, rig: str | None, *, as_json: bool) -> None:
+    """Ask the plant for what it knows, make the command from it, and have it carried out."""
+    from deploy.launch import terminal_session as live  # noqa: PLC0415 - only who talks to a robot needs the network
+
+    with live.Terminal(live.find_rig(rig)) as terminal:
+        now = terminal.status()
+        tick = terminal.command(command(now, live))
+    at_s = tick * now["tick_s"]
+    if as_json:
+        print_json({"tick": tick, "at_s": at_s})
+    else:
+        print(f"takes effect in tick {tick} ({at_s:.3f} s)")

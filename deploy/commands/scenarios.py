@@ -1,0 +1,66 @@
+"""Commands on scenarios: which there are, and what is wrong with one."""
+
+import textwrap
+from typing import Annotated
+
+import typer
+
+from deploy.commands.terminal import JsonOption, SetOption, out, print_json
+from deploy.scenario_file.load import available, load
+from protocol.process.exit_codes import ExitCode
+from protocol.robot.scenario import ScenarioError, canonical
+
+SCENARIO_COLUMNS = 80
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(help="A scenario by name (see `decmesh scenarios`), or a TOML file.")
+]
+
+
+def scenarios(as_json: JsonOption = False) -> None:
+    """Which scenarios there are, and what each shows.
+
+    Example: decmesh scenarios
+    """
+    shown = {name: load(name).values["description"] for name in available()}
+    if as_json:
+        print_json(shown)
+        return
+    for name, description in shown.items():
+        line = f"{name:14} {description}"
+        print(
+            textwrap.fill(
+                line, SCENARIO_COLUMNS, subsequent_indent=" " * 15, break_on_hyphens=False
+            )
+        )
+
+
+def check(
+    scenario: ScenarioArgument,
+    settings: SetOption = None,
+    resolved: Annotated[bool, typer.Option("--resolved", help="Print every value.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Every mistake of a scenario at once, each with its key.
+
+    Example: decmesh check my_robot.toml
+    """
+    try:
+        found = load(scenario, settings or [])
+    except ScenarioError as error:
+        if not as_json:
+            raise
+        print_json({"scenario": scenario, "fine": False, "mistakes": str(error).splitlines()})
+        raise typer.Exit(ExitCode.BAD_INPUT) from error
+    if resolved:
+        print(canonical(found.values).decode())
+    elif as_json:
+        about = {"boards": found.joints, "digest": found.digest.hex()}
+        print_json({"scenario": scenario, "fine": True, **about, "mistakes": []})
+    else:
+        joints = ", ".join(found.joints)
+        line = f"{scenario}: fine; boards {joints}; digest {found.digest.hex()[:12]}"
+        out.print(line, markup=False)
+
+
+ALL = (scenarios, check)

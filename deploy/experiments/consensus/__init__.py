@@ -1,0 +1,1 @@
+"""How many rounds agreement takes, on any network, with boards alone."""

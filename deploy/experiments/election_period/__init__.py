@@ -1,0 +1,1 @@
+"""What the election period does to the motion."""

@@ -1,0 +1,116 @@
+"""One run, in processes or in the twin, from a scenario to a folder with its results."""
+
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import redirect_stdout, suppress
+from itertools import count
+from pathlib import Path
+
+from deploy.launch.processes import SPOOL, Processes, RunFailedError, Watch
+from deploy.launch.rigs import NoPortsError, claim
+from deploy.launch.twin import Twin
+from plant_server.record import STOPPED, fall_line
+from plant_server.spool.facts import facts
+from plant_server.spool.spool import SpoolWriter
+from protocol.process.exit_codes import ExitCode
+from protocol.process.stopping import StoppedError, undisturbed
+from protocol.robot.scenario import ResolvedScenario
+
+SUMMARY = "summary.json"
+RUNS = Path("runs")
+
+
+def new_folder(out: Path | None, name: str) -> Path:
+    """Make the folder for a run's results. Raises `RunFailedError` if that cannot be."""
+    folder = out or RUNS
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if out is None:
+            folder = _folder_of_its_own(f"{name}-{time.strftime('%Y%m%d-%H%M%S')}")
+        if any(folder.iterdir()):
+            raise RunFailedError(
+                ExitCode.NO_OUTPUT, f"{folder} is not empty; choose another folder with --out"
+            )
+        (folder / SPOOL).touch()
+        (folder / SPOOL).unlink()
+    except OSError as error:
+        raise RunFailedError(
+            ExitCode.NO_OUTPUT, f"cannot write to {folder}: {error.strerror}; choose another --out"
+        ) from error
+    return folder
+
+
+def _folder_of_its_own(name: str) -> Path:
+    """Make a folder that nobody else has, also when another run begins in the same second."""
+    for number in count(1):
+        folder = RUNS / (name if number == 1 else f"{name}-{number}")
+        with suppress(FileExistsError):
+            folder.mkdir()
+            return folder
+    raise AssertionError("numbers have no end")
+
+
+def run(
+    scenario: ResolvedScenario,
+    folder: Path,
+    *,
+    twin: bool,
+    watch: Watch,
+    plant_options: Sequence[str] = (),
+) -> int:
+    """Run a scenario and leave its spool in `folder`; return the exit code of the run.
+
+    Raises `RunFailedError` when it could not be run to an end of its own.
+    """
+    if twin:
+        return _run_twin(scenario, folder, watch)
+    try:
+        with (
+            claim(scenario, folder) as placed,
+            Processes(placed, folder, watch, plant_options) as processes,
+        ):
+            return processes.wait()
+    except NoPortsError as error:
+        raise RunFailedError(ExitCode.NO_NETWORK, str(error)) from error
+
+
+def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
+    twin = Twin(scenario)
+    started = time.monotonic()
+    stopped = None
+    with (
+        SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool,
+        redirect_stdout(sys.stderr),  # What a controller prints is none of our output.
+    ):
+        try:
+            while not twin.lockstep.over:
+                twin.think()  # Somebody's controller may never come back: Ctrl-C ends it.
+                with undisturbed:
+                    record = twin.lockstep.close()
+                    spool.append(record, None)
+                if record.tick == 0:
+                    started = time.monotonic()
+                watch.on_tick(record.tick)
+                for event in record.events:
+                    if event[0] == "fault":
+                        watch.on_line(_fault_line(twin, record.tick, event[1]))
+        except StoppedError:
+            stopped = STOPPED
+        outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
+        spool.close(outcome)
+    if stopped is not None:
+        raise StoppedError
+    if not twin.lockstep.body.fallen:
+        return ExitCode.OK
+    watch.on_line(fall_line(outcome, scenario.values["run"]["tick_s"]))
+    return ExitCode.FELL
+
+
+def _fault_line(twin: Twin, tick: int, board: int) -> str:
+    """What a board process would have said of its failure."""
+    firmware = twin.boards[board]
+    assert firmware is not None
+    assert firmware.fault is not None
+    fault = firmware.fault
+    return f"{firmware.config.joint}: fault {fault.code} in tick {tick}\n{fault.trace}"

@@ -1,0 +1,1 @@
+"""What came of a run: indices, tables, figures and the summary."""

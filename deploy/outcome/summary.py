@@ -1,0 +1,122 @@
+"""A run in one JSON object: what was run, what came out, and with which versions.
+
+`summary` gives
+
+    scenario, seed, mode, controller        which run: name; "processes" or "twin"; "original" (all
+                                            boards move) or "distributed" (one is elected)
+    ending, ticks, simulated_s              why it ended, after how many ticks, and their time
+    wall_s, ticks_per_s                     how long that took
+    state_sha256                            digest of the motion, to the bit (S20)
+    logical_sha256                          of all that processes and twin have in common (S20)
+    indices.{TS, KNEE, BS, ...}             overshoot_deg, rise_s, rise_90_s, settling_paper_s,
+                                            settling_band_s of each controlled variable
+    energy_j                                positive, absolute, net
+    consensus                               null without elections; else epochs,
+                                            rounds_to_agreement {"0": ..., "never": ...},
+                                            enabled_0, enabled_1, enabled_2_or_more (epochs that
+                                            ended with so many boards enabled)
+    realtime                                null in lockstep; else `deploy.outcome.realtime_summary`
+    faults                                  boards that failed: joint, tick, code, text
+    degraded                                boards that asked for a torque that is no number, which
+                                            was not applied: joint, tick (the first), ticks
+    foot                                    null without one; else margin_min_m, tipping_ticks
+    versions                                python, decmesh, zenoh, numpy, msgpack
+
+`deploy.outcome.indices` defines the numbers. What never happened, or is no number, is null.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from deploy.outcome.foot_margin import foot_margin
+from deploy.outcome.indices import all_indices, elections, energy
+from deploy.outcome.realtime_summary import realtime_summary
+from deploy.recording.realtime_times import RealtimeTimes
+from deploy.recording.trajectory import Trajectory
+from plant_server.spool.facts import versions
+
+Summary = dict[str, Any]
+Mode = Literal["processes", "twin"]
+
+
+def summary(
+    trajectory: Trajectory,
+    *,
+    mode: Mode,
+    logical_sha256: str | None = None,
+    realtime: RealtimeTimes | None = None,
+) -> Summary:
+    """Sum up a run; the page above lists the keys. The digest is that of its recording."""
+    scenario, wall_s = trajectory.scenario, trajectory.wall_s
+    agreed, foot = elections(trajectory), foot_margin(trajectory)
+    values = {
+        "scenario": scenario["name"],
+        "seed": scenario["run"]["seed"],
+        "mode": mode,
+        "controller": "distributed" if scenario["election"]["enabled"] else "original",
+        "ending": trajectory.ending,
+        "ticks": trajectory.ticks,
+        "simulated_s": trajectory.ticks * trajectory.tick_s,
+        "wall_s": wall_s,
+        "ticks_per_s": trajectory.ticks / wall_s if wall_s > 0.0 else None,
+        "state_sha256": trajectory.state_sha256,
+        "logical_sha256": logical_sha256,
+        "indices": {name: found._asdict() for name, found in all_indices(trajectory).items()},
+        "energy_j": energy(trajectory)._asdict(),
+        "consensus": agreed and agreed._asdict(),
+        "realtime": None if realtime is None else realtime_summary(realtime, trajectory.joints),
+        "faults": [
+            {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
+            for tick, (_what, board, code, text) in _failures(trajectory)
+        ],
+        "degraded": list(_degraded(trajectory)),
+        "foot": foot and foot._asdict(),
+        "versions": versions(),
+    }
+    finite: Summary = _finite(values)
+    return finite
+
+
+def _failures(trajectory: Trajectory) -> Iterator[tuple[int, list[Any]]]:
+    """Events of boards that failed, with their ticks."""
+    return ((tick, event) for tick, event in trajectory.events if event[0] == "fault")
+
+
+def _degraded(trajectory: Trajectory) -> Iterator[dict[str, Any]]:
+    """Boards whose torque was no number, so that the plant had to make do without."""
+    refused = ~np.isfinite(trajectory.asked_nm)
+    for joint, ticks in zip(trajectory.joints, refused.T, strict=True):
+        if ticks.any():
+            yield {"joint": joint, "tick": int(ticks.argmax()), "ticks": int(ticks.sum())}
+
+
+def write_summary(path: Path, values: Summary) -> None:
+    """Write a summary as JSON, whole or not at all. Raises OSError."""
+    text = json.dumps(values, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    with tempfile.NamedTemporaryFile(
+        "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
+    ) as file:
+        unfinished = Path(file.name)
+        try:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+            unfinished.chmod(0o644)  # Temporary files are private; this one is a result.
+            unfinished.replace(path)
+        except BaseException:
+            unfinished.unlink(missing_ok=True)
+            raise
+
+
+def _finite(value: Any) -> Any:
+    """The same values with None in place of every float that JSON cannot write."""
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    return None if isinstance(value, float) and not isfinite(value) else value

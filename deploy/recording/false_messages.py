@@ -1,0 +1,87 @@
+"""Whether an MCAP file says what follows from its own records: observations, link frames, epochs.
+
+Rule: all of its messages are made again from the records that were read from it, and compared on
+each channel in their order. A channel that somebody has left out of the file is no difference.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import orjson
+
+from deploy.recording.differences import NOTHING, Difference
+from deploy.recording.mcap.file import Content, contents, dump
+from deploy.recording.mcap.messages import Telling
+from deploy.recording.trajectory import recorded_trajectory
+from plant_server.spool.spool import Spool
+
+
+class _Made(NamedTuple):
+    """A message as it should be."""
+
+    tick: int
+    data: bytes
+
+
+class _Waiting:
+    """Messages as they should be, made as they are asked for."""
+
+    def __init__(self, telling: Telling, on_tick: Callable[[int], None]) -> None:
+        self._messages = telling.messages(on_tick)
+        self._by_topic: dict[str, deque[_Made]] = defaultdict(deque)
+
+    def next_on(self, topic: str) -> _Made | None:
+        """The next one on a channel."""
+        waiting = self._by_topic[topic]
+        while not waiting:
+            message = next(self._messages, None)
+            if message is None:
+                return None
+            self._by_topic[message.topic].append(_Made(message.tick, dump(message.body)))
+        return waiting.popleft()
+
+
+def first_false_message(
+    spool: Spool, path: Path, on_tick: Callable[[int], None]
+) -> Difference | None:
+    """Compare the messages of a file with those that its records, `spool`, give.
+
+    The replay of those must be known to be identical.
+    """
+    made = _Waiting(Telling(spool, recorded_trajectory(spool)), on_tick)
+    with path.open("rb") as file:
+        return _first(spool, made, file)
+
+
+def _first(spool: Spool, made: _Waiting, file: IO[bytes]) -> Difference | None:
+    topics = set()
+    for content in contents(file):
+        if isinstance(content, Content):
+            expected = made.next_on(content.topic)
+            if expected is None:
+                return Difference(spool.ticks[-1].tick, content.topic, content.data, NOTHING)
+            if expected.data != content.data:
+                found = _difference(content, expected)
+                if found is not None:
+                    return found
+            topics.add(content.topic)
+    left = ((topic, made.next_on(topic)) for topic in sorted(topics))
+    return next(
+        (Difference(one.tick, topic, NOTHING, one.data) for topic, one in left if one), None
+    )
+
+
+def _difference(content: Content, expected: _Made) -> Difference | None:
+    recorded, made = orjson.loads(content.data), orjson.loads(expected.data)
+    for name in {**recorded, **made}:
+        past, now = recorded.get(name, NOTHING), made.get(name, NOTHING)
+        if _text(past) != _text(now):
+            return Difference(expected.tick, f"{name} on {content.topic}", past, now)
+    return None  # Written by another hand: spaces, order.
+
+
+def _text(value: Any) -> bytes:
+    """To the bit, whatever the order of names in an object."""
+    return orjson.dumps(value, option=orjson.OPT_SORT_KEYS)

@@ -1,0 +1,1 @@
+"""The recording as an MCAP file that standard viewers open."""

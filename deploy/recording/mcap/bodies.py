@@ -1,0 +1,221 @@
+"""Records as the bodies of messages, and back: `schema` says what each field means.
+
+Rule: back and forth gives the same record, bytes of frames included.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from operator import index
+from typing import Any
+
+from deploy.recording.epochs import Epochs
+from deploy.recording.fates import Settled
+from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from protocol.robot.scenario import ResolvedScenario, canonical
+from protocol.robot.states import COUNTERS
+from protocol.wire.frames import (
+    LinkFrame,
+    LinkUse,
+    Observation,
+    TorqueFrame,
+    encode,
+)
+from protocol.wire.timing import TickTiming, Timing
+
+Body = dict[str, Any]
+WHOLE_END = 2**63
+
+
+def of_scenario(scenario: ResolvedScenario) -> Body:
+    """What was run."""
+    run = scenario.values["run"]
+    return {
+        "name": scenario.values["name"],
+        "seed": run["seed"],
+        "joints": scenario.joints,
+        "tick_s": run["tick_s"],
+        "digest": scenario.digest.hex(),
+        "resolved": canonical(scenario.values).decode(),
+    }
+
+
+def to_scenario(body: Body) -> dict[str, Any]:
+    """Values of the resolved scenario."""
+    values: dict[str, Any] = json.loads(body["resolved"])
+    return values
+
+
+def of_facts(facts: dict[str, Any]) -> Body:
+    """Facts of the run; those of older recordings may be missing."""
+    told = {name: str(facts.get(name, "")) for name in ("mode", "started", "fingerprint")}
+    return {**told, "all": canonical(facts).decode()}
+
+
+def to_facts(body: Body) -> dict[str, Any]:
+    """Facts of the run."""
+    facts: dict[str, Any] = json.loads(body["all"])
+    return facts
+
+
+def of_tick(record: TickRecord) -> Body:
+    """The body in one tick."""
+    return {
+        "tick": record.tick,
+        "angles_rad": record.angles_rad,
+        "rates_rad_s": record.rates_rad_s,
+        "torques_nm": record.torques_nm,
+    }
+
+
+def to_tick(body: Body, answers: Sequence[bytes], events: Sequence[list[Any]]) -> TickRecord:
+    """A record, with what was said on the other channels in the same tick."""
+    return TickRecord(
+        body["tick"],
+        _floats(body["angles_rad"]),
+        _floats(body["rates_rad_s"]),
+        _floats(body["torques_nm"]),
+        tuple(answers),
+        tuple(events),
+    )
+
+
+def of_observation(observation: Observation) -> Body:
+    """What a board was told."""
+    body = observation._asdict()
+    body["command_hex"] = body.pop("command").hex()
+    body["neighbours"] = [neighbour._asdict() for neighbour in observation.neighbours]
+    return body
+
+
+def of_torque(frame: TorqueFrame, payload: bytes) -> Body:
+    """What a board answered."""
+    body = frame._asdict()
+    body["counter"] = COUNTERS[frame.counter]
+    body["links"] = [use._asdict() for use in frame.links]
+    if encode(frame) != payload:  # Foreign, but right: integers have several encodings.
+        body["frame_hex"] = payload.hex()
+    return body
+
+
+def to_torque(body: Body) -> bytes:
+    """The frame, as it was on the wire."""
+    if "frame_hex" in body:
+        return bytes.fromhex(body["frame_hex"])
+    values = {name: body[name] for name in TorqueFrame._fields}
+    for name in ("torque_nm", "controlled_rad", "urgency"):
+        values[name] = float(values[name])
+    values["counter"] = COUNTERS.index(body["counter"])
+    values["links"] = tuple(LinkUse(**use) for use in body["links"])
+    return encode(TorqueFrame(**values))
+
+
+def of_link(settled: Settled, sent_crc: int, frame: LinkFrame | None) -> Body:
+    """What was said to a neighbour, as far as it is known, and what became of it."""
+    about = {
+        "tick": settled.said_tick,
+        "fate": settled.fate.name.lower(),
+        "heard_tick": settled.heard_tick,
+        "sent_crc": sent_crc,
+    }
+    if frame is None:
+        return about
+    body = frame._asdict()
+    body["echo_tick"] = body.pop("heard_tick")
+    return {**body, **about}
+
+
+def of_epochs(found: Epochs | None, joints: Sequence[str]) -> Iterator[Body]:
+    """Elections, in their order."""
+    if found is None:
+        return
+    for i, members in enumerate(found.members):
+        yield {
+            "epoch": int(found.number[i]),
+            "tick": int(found.latch_tick[i]),
+            "began_tick": int(found.first_tick[i]),
+            "members": [joint for joint, member in zip(joints, members, strict=True) if member],
+            "w_rad": found.w_rad[i][members].tolist(),
+            "rounds_to_agreement": int(found.agreed_after[i]),
+            "y": found.enabled[i][members].astype(int).tolist(),
+        }
+
+
+def of_event(tick: int, event: list[Any]) -> Body:
+    """What happened to the robot."""
+    return {"tick": tick, "what": str(event[0]), "event": json.dumps(event)}
+
+
+def to_event(body: Body) -> list[Any]:
+    """What happened to the robot."""
+    event: list[Any] = json.loads(body["event"])
+    return event
+
+
+def of_walls(tick: int, walls: Walls) -> Body:
+    """When the plant did what."""
+    return {"tick": tick, **walls._asdict()}
+
+
+def to_walls(body: Body) -> Walls:
+    """When the plant did what."""
+    return Walls(
+        _whole(body["opened_ns"]),
+        tuple(map(_whole, body["answered_ns"])),
+        _whole(body["closed_ns"]),
+    )
+
+
+def of_timing(timing: Timing) -> Body:
+    """When a board did what."""
+    return {**timing._asdict(), "ticks": [tick._asdict() for tick in timing.ticks]}
+
+
+def to_timing(body: Body) -> Timing:
+    """When a board did what."""
+    ticks = tuple(TickTiming(**tick) for tick in body["ticks"])
+    for number in (*(body[name] for name in Timing._fields[:-1]), *chain.from_iterable(ticks)):
+        _whole(number)
+    return Timing(**{**body, "ticks": ticks})
+
+
+def of_outcome(outcome: Outcome, refused_by_network: dict[str, dict[str, int]]) -> Body:
+    """How the run ended; and what each joint's board refused that only a network brings."""
+    return {
+        **outcome._asdict(),
+        "undriven": [
+            {**joint._asdict(), "has_board": int(joint.has_board)} for joint in outcome.undriven
+        ],
+        "refused_by_network": [
+            {"joint": joint, "reason": reason, "frames": frames}
+            for joint, reasons in refused_by_network.items()
+            for reason, frames in reasons.items()
+        ],
+    }
+
+
+def to_outcome(body: Body) -> Outcome:
+    """How the run ended."""
+    undriven = tuple(
+        Undriven(**{**joint, "has_board": bool(joint["has_board"])}) for joint in body["undriven"]
+    )
+    return Outcome(
+        body["tick"],
+        _floats(body["angles_rad"]),
+        _floats(body["rates_rad_s"]),
+        body["ending"],
+        float(body["wall_s"]),
+        undriven,
+    )
+
+
+def _whole(number: int) -> int:
+    """A number that is one, and of 64 bits; raises TypeError or ValueError."""
+    if not -WHOLE_END <= index(number) < WHOLE_END:
+        raise ValueError(f"{number} is too large")
+    return number
+
+
+def _floats(numbers: Sequence[float | str]) -> tuple[float, ...]:
+    """Numbers of a message; one that is none came as a string."""
+    return tuple(map(float, numbers))

@@ -1,0 +1,212 @@
+"""Replay: plays a recording again in the twin, from what came from outside.
+
+Rule 1: commands, boards that came and went, and frames that were not waited for are taken from the
+        recording, tick by tick and in their order. All the rest is computed again: observations,
+        link frames, torques, motion.
+Rule 2: whatever a run went through, typed by hand or struck by the death of a process, all that
+        reached it is in its events. So a replay is the same to the bit, or something is wrong.
+"""
+
+from contextlib import redirect_stdout
+from io import TextIOBase
+from typing import Any, NamedTuple
+
+from deploy.launch.twin import Twin
+from module_agent.firmware.board import Board
+from module_agent.firmware.config import board_config
+from module_agent.firmware.link_model import Fate, LinkModel
+from plant_server.record import TickRecord
+from plant_server.session.agenda import Agenda
+from protocol.robot.commands import Command
+from protocol.robot.scenario import ResolvedScenario
+from protocol.wire.frames import Observation, ProtocolError, TorqueFrame, decode
+
+MIDWAY = frozenset({"gone_midway", "excused"})
+"""Events of an open tick; the others come between two ticks."""
+CONSEQUENCES = frozenset({"energy_lost_j", "fault", "sides", "tipping"})
+"""Events that follow from others: computed again, not carried out."""
+
+Link = tuple[int, int]
+"""A directed link: sender and receiver."""
+
+
+class Nowhere(TextIOBase):
+    """Where a controller from outside prints to in a replay: it has said so already."""
+
+    def write(self, text: str) -> int:
+        """Write nothing."""
+        return len(text)
+
+
+NOWHERE = Nowhere()
+
+
+class UnplayableError(Exception):
+    """What a recording says cannot have happened."""
+
+
+class Drawn(NamedTuple):
+    """What the link model made of one frame."""
+
+    fate: Fate
+    cut: bool
+    """Whether the link was cut, so that no chance was in it."""
+
+
+class Witness(LinkModel):
+    """A link model that remembers what it drew last."""
+
+    drawn: Drawn | None = None
+
+    def fate(self, said_tick: int) -> Fate:
+        """Draw, and remember it."""
+        fate = super().fate(said_tick)
+        self.drawn = Drawn(fate, bool(self.parameters.cut))
+        return fate
+
+
+class Played(NamedTuple):
+    """One tick as the replay lived through it."""
+
+    record: TickRecord
+    """What a recording of the replay would say."""
+    incarnations: tuple[int, ...]
+    """Who drove each joint when the tick was opened; 0: nobody."""
+    newcomers: frozenset[int]
+    """Boards that had just been let in: what was said before was not said to them."""
+    observations: dict[int, Observation]
+    """What each board was told that answered."""
+    links: dict[Link, bytes]
+    """Link frames said."""
+    drawn: dict[Link, Drawn]
+    """What the link models made of the frames of the tick before that were there to be used."""
+
+
+class Replay(Twin):
+    """The twin of a robot whose run was recorded."""
+
+    def __init__(self, scenario: ResolvedScenario) -> None:
+        super().__init__(scenario)
+        self.lockstep.agenda = Agenda([])  # What came of the scenario's events was recorded.
+        self.witnesses: list[list[Witness]] = [[] for _ in self.boards]
+        self.everybody: list[Board] = []
+        """All boards there have been, also those that are gone."""
+
+    def play(self, recorded: TickRecord) -> Played:
+        """Play the next tick. Raises `UnplayableError`."""
+        lockstep = self.lockstep
+        if not self.everybody:
+            self._name(recorded)
+        for event in recorded.events:
+            if event[0] not in MIDWAY | CONSEQUENCES:
+                self._before(event)
+        newcomers = frozenset(lockstep.roster.newcomers)
+        observations = dict(lockstep.open())
+        incarnations = tuple(lockstep.roster.incarnations)
+        for event in recorded.events:
+            if event[0] in MIDWAY:
+                self._midway(event, observations)
+        with redirect_stdout(NOWHERE):
+            told, links = self._answer(observations)
+        drawn = {
+            (witness.sender, witness.receiver): witness.drawn
+            for index in observations
+            for witness in self.witnesses[index]
+            if witness.drawn is not None
+        }
+        record = lockstep.close()
+        return Played(record, incarnations, newcomers, told, links, drawn)
+
+    def _answer(
+        self, observations: dict[int, bytes]
+    ) -> tuple[dict[int, Observation], dict[Link, bytes]]:
+        """Let the boards live through the tick; what each was told, and the link frames said."""
+        told, said = {}, []
+        for index, payload in observations.items():
+            firmware = self.boards[index]
+            assert firmware is not None
+            for witness in self.witnesses[index]:
+                witness.drawn = None
+            try:
+                told[index] = firmware.read(payload)
+            except ProtocolError as error:
+                raise UnplayableError(f"board {index} cannot be told: {error}") from error
+            actuation = firmware.tick(told[index])
+            for fault in actuation.faults:
+                self.lockstep.report(index, fault)
+            self.lockstep.answer(index, actuation.torque)
+            said.append((firmware, actuation.links))
+        links = {}
+        for sender, payloads in said:
+            self._deliver(sender, payloads)
+            for neighbour, payload in zip(sender.config.neighbours, payloads, strict=True):
+                links[sender.config.index, neighbour] = payload
+        return told, links
+
+    def _name(self, recorded: TickRecord) -> None:
+        """Call the run what it was called: a plant that is started again chooses another name."""
+        for answer in filter(None, recorded.answers):
+            self.run_id = self.lockstep.run_id = decode(TorqueFrame, answer).run_id
+
+    def _before(self, event: list[Any]) -> None:
+        """Carry out what happened between two ticks."""
+        match event:
+            case ["admitted", int(board), int(incarnation)] if self._exists(board):
+                self._admit(board, incarnation)
+            case ["gone", int(board), str(why)] if self._exists(board):
+                self._lose(board, why)
+            case (
+                ["push", int(board), int() | float(), int()]
+                | ["reference", int(board), int() | float()]
+                | ["unplug" | "plug" | "ready", int(board)]
+                | ["sensor", int(board), str(), str(), int() | float(), int()]
+            ) if self._exists(board):
+                self._obey(event)
+            case ["link", list(), dict()] | ["heal", list()]:
+                self._obey(event)
+            case _:
+                raise UnplayableError(f"{event!r} cannot have happened")
+
+    def _obey(self, command: Command) -> None:
+        self.lockstep.agenda.add(self.lockstep.tick, command)
+        try:
+            self.lockstep.begin()
+        except (TypeError, ValueError, LookupError) as error:
+            raise UnplayableError(f"{command!r} cannot have happened: {error}") from error
+
+    def _midway(self, event: list[Any], observations: dict[int, bytes]) -> None:
+        """Carry out what happened while the tick was open."""
+        match event:
+            case ["gone_midway", int(board), str(why)] if board in observations:
+                self._lose(board, why)
+                del observations[board]
+            case ["excused", int(sender), int(receiver)] if receiver in observations:
+                observations[receiver] = self.lockstep.excuse(sender, receiver)
+            case _:
+                raise UnplayableError(f"{event!r} cannot have happened")
+
+    def _exists(self, board: int) -> bool:
+        return 0 <= board < len(self.boards)
+
+    def _plug(self, board: int) -> None:
+        """Put in nobody: who came, and when, is in the recording."""
+
+    def _admit(self, board: int, incarnation: int) -> None:
+        config = board_config(self.scenario.values, self.scenario.joints[board])
+        firmware = Board(config, run_id=self.run_id, incarnation=incarnation)
+        self.witnesses[board] = [
+            Witness(
+                seed=config.seed, sender=sender, receiver=board, standing=hearing.link.parameters
+            )
+            for sender, hearing in zip(config.neighbours, firmware.hearings, strict=True)
+        ]
+        for hearing, witness in zip(firmware.hearings, self.witnesses[board], strict=True):
+            hearing.link = witness
+        self.boards[board] = firmware
+        self.everybody.append(firmware)
+        self.lockstep.admit(board, incarnation)
+
+    def _lose(self, board: int, why: str) -> None:
+        self.boards[board] = None
+        self.witnesses[board] = []
+        self.lockstep.remove(board, why)

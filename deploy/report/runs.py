@@ -1,0 +1,146 @@
+"""The runs of a report: each read once, with all that its sections are made from."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from matplotlib import style
+from matplotlib.figure import Figure as Drawing
+
+from deploy.outcome.figures import FORMATS, STYLE
+from deploy.outcome.summary import Summary, summary
+from deploy.recording.arrays import Recording, read_recording
+from deploy.recording.epochs import Epochs, epochs
+from deploy.recording.link_counts import LinkCounts, counts
+from deploy.report.page import Figure, Image, Remark
+from deploy.report.sections.happenings import Happening, Span, timeline, told
+
+ENDINGS = ("svg", "png")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """One recording and what was found in it."""
+
+    number: int
+    """Its place in the report, from 1."""
+    label: str
+    """Its folder's name; no two runs of a report have the same."""
+    recording: Recording
+    summary: Summary
+    epochs: Epochs | None
+    links: Sequence[LinkCounts]
+    happened: Sequence[Span]
+    told: Sequence[Happening]
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the boards, from the ground up."""
+        return [board["joint"] for board in self.recording.trajectory.scenario["board"]]
+
+    @property
+    def in_realtime(self) -> bool:
+        """Whether nobody waited for anybody."""
+        return self.recording.realtime is not None
+
+    @property
+    def mode(self) -> str:
+        """How it was run: in processes, in the twin, or in realtime."""
+        return "realtime" if self.in_realtime else str(self.summary["mode"])
+
+    @property
+    def versions(self) -> dict[str, str | None]:
+        """With which versions it was run."""
+        found: dict[str, str | None] = self.recording.facts.get("versions", {})
+        return found
+
+    @property
+    def timed(self) -> bool:
+        """Whether there are wall times: a twin has none."""
+        return bool((self.recording.opened_ns > 0).any())
+
+    def link_name(self, sender: int, receiver: int) -> str:
+        """What a directed link is called."""
+        return f"{self.joints[sender]} → {self.joints[receiver]}"
+
+
+def read_runs(paths: Sequence[Path]) -> list[Run]:
+    """Read recordings, folders or files. Raises `FailedError` with one line for the user."""
+    labels: list[str] = []
+    for path in paths:
+        name = (path.parent if path.is_file() else path).resolve().name
+        labels.append(name if name not in labels else f"{name} ({len(labels) + 1})")
+    return [
+        look_at(read_recording(path), label, number)
+        for number, (path, label) in enumerate(zip(paths, labels, strict=True), 1)
+    ]
+
+
+def look_at(recording: Recording, label: str, number: int = 1) -> Run:
+    """Find in a recording what the report shows."""
+    trajectory = recording.trajectory
+    return Run(
+        number,
+        label,
+        recording,
+        summary(
+            trajectory,
+            mode=recording.facts.get("mode", "processes"),
+            realtime=recording.realtime,
+        ),
+        epochs(trajectory),
+        counts(recording),
+        timeline(trajectory),
+        told(trajectory),
+    )
+
+
+class Pictures:
+    """Draws, and keeps every picture for its files."""
+
+    def __init__(self, *, several: bool) -> None:
+        self.several = several
+        """Whether the report is of several runs, so that each picture must say of which."""
+        self.images: list[Image] = []
+
+    def draw(self, name: str, make: Callable[[], Drawing], label: str = "") -> Image:
+        """Draw one picture, in the style of all figures."""
+        with style.context(["default", STYLE]):
+            drawing = make()
+            image = Image(name, label, *(_saved(drawing, ending) for ending in ENDINGS))
+        self.images.append(image)
+        return image
+
+    def each(
+        self, name: str, runs: Sequence[Run], make: Callable[[Run], Drawing], **texts: Any
+    ) -> list[Figure]:
+        """Draw the same of every run, as one figure; no figure of no runs."""
+        images = [
+            self.draw(f"{name}-{run.number}", partial(make, run), run.label)
+            if self.several
+            else self.draw(name, partial(make, run))
+            for run in runs
+        ]
+        return [Figure(images=images, **texts)] if images else []
+
+
+def titled(title: str, run: Run, runs: Sequence[Run]) -> str:
+    """A title that says which run it is about, where there are several."""
+    return f"{title}: {run.label}" if len(runs) > 1 else title
+
+
+def remarks(runs: Sequence[Run], concerned: Sequence[Run], text: str) -> list[Remark]:
+    """A line about some of the runs; it names them where there are several."""
+    if not concerned:
+        return []
+    names = ", ".join(run.label for run in concerned)
+    return [Remark(text if len(runs) == 1 else f"{names}: {text}")]
+
+
+def _saved(drawing: Drawing, ending: str) -> bytes:
+    content = BytesIO()
+    drawing.savefig(content, format=ending, metadata=FORMATS[ending])
+    return content.getvalue()

@@ -1,0 +1,205 @@
+"""What happened to a robot: as lanes of a timeline, and as a list.
+
+Rule 1: faults of links are what the commands made of them, tick by tick; what boards do, or that
+        there is none, is what their answers say. Nothing is taken from the scenario's plan but its
+        start.
+"""
+
+import math
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from deploy.outcome.drawing import spans
+from deploy.recording.trajectory import Trajectory
+from deploy.report.words import (
+    ALL_LINKS,
+    APART,
+    Pair,
+    Words,
+    faults_in_words,
+    joints_of,
+    lanes_in_words,
+    pairs_of,
+    sides_in_words,
+    title_of,
+)
+from plant_server.record import COMPLETE
+from plant_server.session.config import plant_config
+from protocol.robot.commands import PERFECT, LinkParameters, changed, concerns
+from protocol.robot.sensors import ALL, OK
+from protocol.robot.states import State
+
+PUSHED, REFERENCE = "pushed", "reference"
+
+
+class Kind(StrEnum):
+    """What a span of the timeline shows."""
+
+    CUT = "cut"
+    FAULTS = "faults"
+    AWAY = "no board"
+    SYNCING = "filling its delay line"
+    SAFE = "sensors say nothing plausible"
+    FAULT = "fault"
+    PUSH = "push"
+    APART = "cut apart"
+    MOMENT = "moment"
+    """At one tick: it ends when it begins."""
+
+
+STATES = {
+    Kind.AWAY: 0,
+    Kind.SYNCING: State.SYNCING,
+    Kind.SAFE: State.SAFE,
+    Kind.FAULT: State.FAULT,
+}
+"""In which a board does not drive."""
+
+
+def absence(scenario: dict[str, Any]) -> str:
+    """Name what a board is that says nothing: in realtime it may be there, and too late."""
+    return "silent" if "realtime" in scenario else Kind.AWAY
+
+
+class Span(NamedTuple):
+    """Something that went on from one tick to another."""
+
+    lane: str
+    first_tick: int
+    end_tick: int
+    kind: Kind
+    label: str
+
+
+class Happening(NamedTuple):
+    """One event, in words."""
+
+    tick: int
+    words: str
+
+
+def timeline(trajectory: Trajectory) -> list[Span]:
+    """Everything that went on, lane by lane: links, boards, sides, pushes, references."""
+    return [
+        *_link_spans(trajectory),
+        *_board_spans(trajectory),
+        *_sensor_spans(trajectory),
+        *_side_spans(trajectory),
+        *_moments_and_pushes(trajectory),
+    ]
+
+
+def told(trajectory: Trajectory) -> list[Happening]:
+    """Every event in words, but for the boards that were there from the start.
+
+    Before them what was bad from the start, after them how it ended if it did not complete.
+    """
+    tell = Words(trajectory.scenario)
+    happened = [Happening(0, words) for words in tell.standing()]
+    happened += [
+        Happening(tick, tell.event(event))
+        for tick, event in trajectory.events
+        if tick >= 0 or event[0] != "admitted"
+    ]
+    if trajectory.ending != COMPLETE:
+        happened.append(Happening(trajectory.ticks, f"the run ended: {trajectory.ending}"))
+    return happened
+
+
+def _link_spans(trajectory: Trajectory) -> Iterator[Span]:
+    """Join spans of links that have the same faults at the same time."""
+    joints = joints_of(trajectory.scenario)
+    alike: dict[tuple[int, int, LinkParameters], list[Pair]] = {}
+    pairs = pairs_of(len(joints))
+    for pair in pairs:
+        for found in _faults(trajectory, pair):
+            alike.setdefault(found, []).append(pair)
+    rows = []
+    for (first, end, parameters), bad in alike.items():
+        kind = Kind.CUT if parameters.cut else Kind.FAULTS
+        label = faults_in_words(parameters._asdict(), trajectory.tick_s)
+        lanes = {ALL_LINKS: -1} if bad == pairs else lanes_in_words(bad, joints)
+        rows += [(order, Span(lane, first, end, kind, label)) for lane, order in lanes.items()]
+    yield from (span for _order, span in sorted(rows))
+
+
+def _faults(trajectory: Trajectory, pair: Pair) -> Iterator[tuple[int, int, LinkParameters]]:
+    """From which tick to which a directed link had which faults."""
+    now = plant_config(trajectory.scenario).standing_links.get(pair, PERFECT)
+    since = 0
+    for tick, event in trajectory.events:
+        if event[0] not in {"link", "heal"} or not concerns(event, *pair):
+            continue
+        then = PERFECT if event[0] == "heal" else changed(now, event[2])
+        if then != now:
+            if now != PERFECT and tick > since:
+                yield since, tick, now
+            now, since = then, max(tick, 0)
+    if now != PERFECT and trajectory.ticks > since:
+        yield since, trajectory.ticks, now
+
+
+def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
+    """While a board did not drive, or there was none; a fault with its code."""
+    away = absence(trajectory.scenario)
+    for board, joint in enumerate(joints_of(trajectory.scenario)):
+        found = [
+            Span(joint, first, end, kind, away if kind is Kind.AWAY else kind)
+            for kind, state in STATES.items()
+            for first, end in spans(trajectory.state[:, board] == state)
+            if first > 0 or kind is not Kind.SYNCING  # In realtime what was said in warm-up holds.
+        ]
+        why = dict(_failures(trajectory, board))
+        for span in sorted(found, key=lambda span: span.first_tick):
+            since = [tick for tick in why if tick <= span.first_tick]
+            known = span.kind is Kind.FAULT and since
+            yield span._replace(label=why[since[-1]]) if known else span
+
+
+def _sensor_spans(trajectory: Trajectory) -> Iterator[Span]:
+    """While a sensor was told to fail: until its time was over, or another command came."""
+    joints = joints_of(trajectory.scenario)
+    told = [
+        (tick, *event[1:4], event[5]) for tick, event in trajectory.events if event[0] == "sensor"
+    ]
+    for at, (tick, board, sensor, fault, ticks) in enumerate(told):
+        ends = [tick + ticks] if ticks else []
+        ends += [
+            then
+            for then, whose, which, *_ in told[at + 1 :]
+            if whose == board and (sensor == which or ALL in (sensor, which))
+        ]
+        if fault != OK:
+            label = f"{'all of them' if sensor == ALL else sensor} {fault}"
+            end = min([*ends, trajectory.ticks])
+            yield Span(f"{joints[board]} sensors", max(tick, 0), end, Kind.FAULTS, label)
+
+
+def _failures(trajectory: Trajectory, board: int) -> Iterator[tuple[int, str]]:
+    for tick, event in trajectory.events:
+        match event:
+            case ["fault", int(whose), int(code), *_] if whose == board:
+                yield tick, f"fault {code}: {title_of(code)}"
+
+
+def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
+    joints, since, label = joints_of(trajectory.scenario), 0, ""
+    changes = [(tick, event[1]) for tick, event in trajectory.events if event[0] == "sides"]
+    for tick, sides in [*changes, (trajectory.ticks, [])]:
+        if label and tick > since:
+            yield Span(APART, since, tick, Kind.APART, label)
+        since, label = max(tick, 0), sides_in_words(sides, joints) if len(sides) > 1 else ""
+
+
+def _moments_and_pushes(trajectory: Trajectory) -> Iterator[Span]:
+    tell = Words(trajectory.scenario)
+    for tick, event in trajectory.events:
+        match event:
+            case ["push", link, force_n, ticks]:
+                label = f"{tell.segments[link]} {force_n:+g} N"
+                end = min(tick + ticks, trajectory.ticks)
+                yield Span(PUSHED, tick, end, Kind.PUSH, label)
+            case ["reference", board, rad]:
+                label = f"{tell.joints[board]} {math.degrees(rad):g}°"
+                yield Span(REFERENCE, tick, tick, Kind.MOMENT, label)

@@ -1,0 +1,1 @@
+"""A scenario as a user writes it: read, checked whole, and resolved."""

@@ -1,0 +1,186 @@
+"""Tables of a board's hardware: its clock, sensors, actuator, and what the joint itself does.
+
+    [board.clock]      [board.sensors]      [board.actuator]      [board.passive]      [board.foot]
+
+Everything is ideal unless a table says otherwise. What a file may say is here, what it becomes in a
+resolved scenario is beside it; what values mean together is in `hardware_misfits`.
+"""
+
+from collections.abc import Iterator
+from math import pi, radians
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from deploy.scenario_file.event_tables import Body
+from deploy.scenario_file.ticks import whole_ticks
+from protocol.robot.sensors import sensors_of
+
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Degrees = Annotated[float, Field(ge=-180, le=180)]
+DegreesPerSecond = Annotated[float, Field(ge=-2000, le=2000)]
+Milliseconds = Annotated[float, Field(ge=0, le=100_000)]
+Time = Annotated[float, Field(ge=0, le=100_000)]
+OVERRUNS_MAX = 10_000
+
+
+class HardwareTable(BaseModel):
+    """A table below `[board]`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class ClockTable(HardwareTable):
+    """A board's clock and loop, which are not the plant's."""
+
+    skew_ppm: Annotated[float, Field(ge=-10_000, le=10_000)] = 0.0
+    """Positive: fast."""
+    jitter_ms: Milliseconds = 0.0
+    start_up_ms: Milliseconds = 0.0
+    start_up_jitter_ms: Milliseconds = 0.0
+    overrun_at_s: Annotated[list[Time], Field(max_length=OVERRUNS_MAX)] = []
+
+
+class SensorTable(HardwareTable):
+    """What a board's sensors cannot say."""
+
+    encoder_bits: Annotated[int, Field(ge=0, le=32)] = 0
+    """Steps per turn, as a power of two; 0: exact."""
+    encoder_offset_deg: Degrees = 0.0
+    joint_rate: Literal["gyroscope", "encoder"] = "gyroscope"
+    joint_rate_filter_ms: Milliseconds = 0.0
+    joint_rate_noise_deg_s_per_sqrt_hz: NotNegative = 0.0
+    imu_noise_deg_per_sqrt_hz: NotNegative = 0.0
+    imu_rate_noise_deg_s_per_sqrt_hz: NotNegative = 0.0
+    imu_bias_deg: Degrees = 0.0
+    imu_rate_bias_deg_s: DegreesPerSecond = 0.0
+
+
+class ActuatorTable(HardwareTable):
+    """What a board's motor cannot do, besides the torque limit of its servo."""
+
+    torque_rate_nm_s: Positive | None = None
+    torque_step_nm: NotNegative = 0.0
+    lag_ms: Milliseconds = 0.0
+    hold_ticks: Annotated[int, Field(ge=0, le=1000)] = 10
+    """How long the last valid command stands in for one that is no number."""
+
+
+class PassiveTable(HardwareTable):
+    """The joint's own spring and damper, beside the motor (the paper's table I: 0)."""
+
+    stiffness_nm_rad: NotNegative = 0.0
+    damping_nm_s_rad: NotNegative = 0.0
+    rest_deg: Degrees = 0.0
+
+
+class FootTable(HardwareTable):
+    """The sole, from the ankle."""
+
+    ahead_m: Positive
+    behind_m: Positive
+
+
+class BoardHardware(BaseModel):
+    """What a board has, as a part of `[[board]]`."""
+
+    imu: bool = False
+    force_plate: bool = False
+    clock: ClockTable = ClockTable()
+    sensors: SensorTable = SensorTable()
+    actuator: ActuatorTable = ActuatorTable()
+    passive: PassiveTable = PassiveTable()
+    foot: FootTable | None = None
+
+
+def resolved_hardware(board: BoardHardware, tick_ms: float) -> dict[str, Any]:
+    """Everything in SI units and ticks, as plant and boards read it."""
+    clock, sensors, actuator, passive = board.clock, board.sensors, board.actuator, board.passive
+    return {
+        "clock": {
+            "skew_ppm": clock.skew_ppm,
+            "jitter_s": clock.jitter_ms / 1e3,
+            "start_up_ticks": whole_ticks(clock.start_up_ms, tick_ms),
+            "start_up_jitter_ticks": whole_ticks(clock.start_up_jitter_ms, tick_ms),
+            "overrun_ticks": sorted(
+                {whole_ticks(at_s * 1e3, tick_ms) or 0 for at_s in clock.overrun_at_s}
+            ),
+        },
+        "sensors": {
+            "encoder_step_rad": 2.0 * pi / 2**sensors.encoder_bits if sensors.encoder_bits else 0.0,
+            "encoder_offset_rad": radians(sensors.encoder_offset_deg),
+            "differentiates": sensors.joint_rate == "encoder",
+            "joint_rate_filter_s": sensors.joint_rate_filter_ms / 1e3,
+            "joint_rate_noise_rad_s_per_sqrt_hz": radians(
+                sensors.joint_rate_noise_deg_s_per_sqrt_hz
+            ),
+            "imu_noise_rad_per_sqrt_hz": radians(sensors.imu_noise_deg_per_sqrt_hz),
+            "imu_rate_noise_rad_s_per_sqrt_hz": radians(sensors.imu_rate_noise_deg_s_per_sqrt_hz),
+            "imu_bias_rad": radians(sensors.imu_bias_deg),
+            "imu_rate_bias_rad_s": radians(sensors.imu_rate_bias_deg_s),
+        },
+        "actuator": {
+            "torque_rate_nm_s": actuator.torque_rate_nm_s,
+            "torque_step_nm": actuator.torque_step_nm,
+            "lag_s": actuator.lag_ms / 1e3,
+            "hold_ticks": actuator.hold_ticks,
+        },
+        "passive": {
+            "rest_rad": radians(passive.rest_deg),
+            "stiffness_nm_rad": passive.stiffness_nm_rad,
+            "damping_nm_s_rad": passive.damping_nm_s_rad,
+        },
+        "foot": None if board.foot is None else board.foot.model_dump(),
+    }
+
+
+def sensor_names(board: BoardHardware) -> tuple[str, ...]:
+    """Names of the sensors that a board has."""
+    differentiates = board.sensors.joint_rate == "encoder"
+    return sensors_of(imu=board.imu, force_plate=board.force_plate, differentiates=differentiates)
+
+
+def hardware_misfits(i: int, board: BoardHardware, body: Body) -> Iterator[str]:
+    """What is wrong between the values of board i's hardware, each as `path: reason`."""
+    path = f"board.{i}"
+    yield from _clock_misfits(f"{path}.clock", board.clock, body)
+    sensors = board.sensors
+    for key in sorted(sensors.model_fields_set):
+        if key.startswith("imu_") and getattr(sensors, key) and not board.imu:
+            yield f"{path}.sensors.{key}: this board has no IMU; say imu = true"
+    if sensors.joint_rate == "encoder" and sensors.joint_rate_noise_deg_s_per_sqrt_hz:
+        yield (
+            f"{path}.sensors.joint_rate_noise_deg_s_per_sqrt_hz: is a gyroscope's, but joint_rate"
+            " is taken from the encoder"
+        )
+    if sensors.joint_rate == "gyroscope" and sensors.joint_rate_filter_ms:
+        yield (
+            f"{path}.sensors.joint_rate_filter_ms: filters the encoder's difference, but joint_rate"
+            " is measured by a gyroscope"
+        )
+    if board.foot is not None and i > 0:
+        yield f"{path}.foot: only the lowest board, board.0, stands on the ground"
+
+
+def _clock_misfits(path: str, clock: ClockTable, body: Body) -> Iterator[str]:
+    overruns = enumerate(clock.overrun_at_s)
+    times_ms = {
+        "start_up_ms": clock.start_up_ms,
+        "start_up_jitter_ms": clock.start_up_jitter_ms,
+        **{f"overrun_at_s.{n}": at_s * 1e3 for n, at_s in overruns},
+    }
+    for key, value_ms in times_ms.items():
+        if whole_ticks(value_ms, body.tick_ms) is None:
+            yield f"{path}.{key}: not a whole number of ticks of {body.tick_ms:g} ms"
+    if clock.jitter_ms >= body.tick_ms:
+        yield f"{path}.jitter_ms: {clock.jitter_ms:g} ms is not below a tick of {body.tick_ms:g} ms"
+
+
+def realtime_clock_misfits(path: str, clock: ClockTable) -> Iterator[str]:
+    """What of a clock means nothing in realtime, each as `path: reason`."""
+    real = "a loop in realtime has jitter and overruns of its own, and counts them; leave it out"
+    if clock.jitter_ms:
+        yield f"{path}.jitter_ms: {real}"
+    if clock.overrun_at_s:
+        yield f"{path}.overrun_at_s: {real}"

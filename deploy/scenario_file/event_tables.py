@@ -1,0 +1,267 @@
+"""Events and link faults of a scenario: what a file may say, and the commands that it becomes.
+
+    [[link]]                        [[event]]
+    link = "all"                    at_s = 3.0
+    loss = 0.2                      do = "cut"
+                                    link = "ankle-knee"
+                                    duration_s = 1.0
+
+A link is named by its two joints, or "all". With `one_way` only frames from the first joint's board
+to the second's are meant.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from deploy.scenario_file.sensor_faults import fault_amount
+from deploy.scenario_file.ticks import MeaningError, whole
+from protocol.robot import sensors
+from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT, Command
+
+Probability = Annotated[float, Field(ge=0, le=1)]
+Milliseconds = Annotated[float, Field(ge=0, le=100_000)]
+Seconds = Annotated[float, Field(ge=0, le=100_000)]
+LINK_PATTERN = r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$"
+LinkName = Annotated[str, Field(pattern=LINK_PATTERN)]
+
+
+class Faulty(BaseModel):
+    """How bad a link is; what is not given stays as it was."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    loss: Probability | None = None
+    burst_start: Probability | None = None
+    burst_end: Probability | None = None
+    burst_loss: Probability | None = None
+    delay_ms: Milliseconds | None = None
+    jitter_ms: Milliseconds | None = None
+    duplicate: Probability | None = None
+    reorder: Probability | None = None
+    corrupt: Probability | None = None
+
+
+class StandingLink(Faulty):
+    """A link that is bad from the start."""
+
+    link: LinkName = "all"
+    one_way: bool = False
+
+
+class Event(BaseModel):
+    """Something that happens to the robot."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    at_s: Seconds
+
+
+class Cut(Event):
+    """Nothing passes the link any more, or not for `duration_s`."""
+
+    do: Literal["cut"]
+    link: LinkName
+    one_way: bool = False
+    duration_s: Seconds | None = None
+
+
+class Heal(Event):
+    """The link is perfect from here on."""
+
+    do: Literal["heal"]
+    link: LinkName = "all"
+    one_way: bool = False
+
+
+class Faults(Event, Faulty):
+    """The link is as bad as given, or only for `duration_s`."""
+
+    do: Literal["faults"]
+    link: LinkName = "all"
+    one_way: bool = False
+    duration_s: Seconds | None = None
+
+
+class Push(Event):
+    """A horizontal force at the centre of mass of a link, forward positive."""
+
+    do: Literal["push"]
+    segment: str
+    force_n: Annotated[float, Field(ge=-10_000, le=10_000)]
+    duration_s: Annotated[float, Field(gt=0, le=10_000)] = 0.1
+
+
+class Reference(Event):
+    """A board gets another reference."""
+
+    do: Literal["reference"]
+    joint: str
+    reference_deg: Annotated[float, Field(ge=-180, le=180)]
+
+
+class Plugging(Event):
+    """A board is taken away (its process is killed), or a new one put in."""
+
+    do: Literal["unplug", "plug"]
+    joint: str
+
+
+class SensorFault(Event):
+    """A sensor of a board is broken (`protocol.robot.sensors`), or, with "ok", whole again."""
+
+    do: Literal["sensor"]
+    joint: str
+    sensor: Literal["encoder", "gyroscope", "torque", "imu", "foot", "all"] = "encoder"
+    fault: Literal["ok", "off", "stuck", "garbage", "slow", "delayed", "intermittent"]
+    period_ms: Milliseconds | None = None
+    """Of "slow": from one new value to the next."""
+    delay_ms: Milliseconds | None = None
+    """Of "delayed"."""
+    probability: Probability | None = None
+    """Of "intermittent": that there is no value in a tick."""
+    duration_s: Seconds | None = None
+
+
+AnyEvent = Annotated[
+    Cut | Heal | Faults | Push | Reference | SensorFault | Plugging, Field(discriminator="do")
+]
+
+
+class Body(NamedTuple):
+    """What names and times in events stand for."""
+
+    joints: Sequence[str]
+    segments: Sequence[str]
+    sensors: Sequence[Sequence[str]]
+    """Of each board."""
+    tick_ms: float
+    ticks: int
+
+
+Pairs = list[list[int]]
+
+
+def directed_pairs(link: str, joints: Sequence[str], *, one_way: bool) -> Pairs:
+    """Directed links [sender, receiver] that a name stands for; [] stands for all.
+
+    Raises `MeaningError`.
+    """
+    if link == "all":
+        return []
+    one, dash, other = link.partition("-")
+    if not dash:
+        raise MeaningError(f"link: {link!r} is no link; write it like {'-'.join(joints[:2])}")
+    names = one, other
+    for name in names:
+        if name not in joints:
+            raise MeaningError(f"link: there is no joint {name!r}; there are {', '.join(joints)}")
+    sender, receiver = (joints.index(name) for name in names)
+    if abs(sender - receiver) != 1:
+        raise MeaningError(f"link: {names[0]} and {names[1]} are no neighbours")
+    return [[sender, receiver]] if one_way else [[sender, receiver], [receiver, sender]]
+
+
+def changes(table: Faulty, body: Body) -> dict[str, float]:
+    """Give the parameters of a link as `protocol.robot.commands.LinkParameters` has them."""
+    found = {}
+    for name, value in table.model_dump(include=set(Faulty.model_fields)).items():
+        if value is None:
+            continue
+        if name.endswith("_ms"):
+            ticks = whole(value, body.tick_ms, name)
+            if ticks > DELAY_TICKS_MAX:
+                raise MeaningError(f"{name}: {ticks} ticks are more than {DELAY_TICKS_MAX}")
+            found[name.replace("_ms", "_ticks")] = float(ticks)
+        else:
+            found[name] = float(value)
+    return found
+
+
+def standing_links(table: StandingLink, body: Body) -> list[list[Any]]:
+    """Resolve a `[[link]]` table to `[sender, receiver, changes]` for each directed link."""
+    size = len(body.joints)
+    everywhere = [[a, b] for a in range(size) for b in (a - 1, a + 1) if 0 <= b < size]
+    pairs = directed_pairs(table.link, body.joints, one_way=table.one_way) or everywhere
+    return [[*pair, changes(table, body)] for pair in pairs]
+
+
+def merged_links(tables: Sequence[StandingLink], body: Body) -> list[list[Any]]:
+    """Resolve all `[[link]]` tables: one entry for each directed link, later tables on top."""
+    found: dict[tuple[int, int], dict[str, float]] = {}
+    for table in tables:
+        for sender, receiver, new in standing_links(table, body):
+            found.setdefault((sender, receiver), {}).update(new)
+    return [[*pair, new] for pair, new in sorted(found.items())]
+
+
+def commands(event: "AnyEvent", standing: list[list[Any]], body: Body) -> list[tuple[int, Command]]:
+    """Resolve an `[[event]]` table to commands with their ticks. Raises `MeaningError`."""
+    tick = whole(event.at_s * 1e3, body.tick_ms, "at_s")
+    if tick >= body.ticks:
+        raise MeaningError(f"at_s: {event.at_s:g} s is not before the end of the run")
+    match event:
+        case Cut() | Faults():
+            return _for_a_while(event, tick, standing, body)
+        case Heal():
+            return [
+                (tick, ["heal", directed_pairs(event.link, body.joints, one_way=event.one_way)])
+            ]
+        case Push():
+            segment = _index(event.segment, body.segments, "segment")
+            ticks = whole(event.duration_s * 1e3, body.tick_ms, "duration_s")
+            return [(tick, ["push", segment, float(event.force_n), ticks])]
+        case Reference():
+            rad = math.radians(event.reference_deg)
+            return [(tick, ["reference", _index(event.joint, body.joints, "joint"), rad])]
+        case SensorFault():
+            return [(tick, _sensor_command(event, body))]
+        case Plugging():
+            return [(tick, [event.do, _index(event.joint, body.joints, "joint")])]
+
+
+def _for_a_while(
+    event: Cut | Faults, tick: int, standing: list[list[Any]], body: Body
+) -> list[tuple[int, Command]]:
+    """Change links, and change them back to how the scenario has them for good."""
+    pairs = directed_pairs(event.link, body.joints, one_way=event.one_way)
+    new = {"cut": 1.0} if isinstance(event, Cut) else changes(event, body)
+    found: list[tuple[int, Command]] = [(tick, ["link", pairs, new])]
+    if event.duration_s is None:
+        return found
+    end = tick + whole(event.duration_s * 1e3, body.tick_ms, "duration_s")
+    back: dict[str, Pairs] = {}
+    size = len(body.joints)
+    for pair in pairs or [[a, b] for a in range(size) for b in (a - 1, a + 1) if 0 <= b < size]:
+        old = {name: getattr(PERFECT, name) for name in new}
+        for sender, receiver, stands in standing:
+            if [sender, receiver] == pair:
+                old.update({name: stands[name] for name in new if name in stands})
+        back.setdefault(json.dumps(old, sort_keys=True), []).append(pair)
+    return [*found, *((end, ["link", pairs, json.loads(old)]) for old, pairs in back.items())]
+
+
+def _sensor_command(event: SensorFault, body: Body) -> Command:
+    board = _index(event.joint, body.joints, "joint")
+    if event.sensor not in (*body.sensors[board], sensors.ALL):
+        raise MeaningError(f"sensor: {event.joint} has no {event.sensor}")
+    amount = fault_amount(
+        event.fault,
+        period_ms=event.period_ms,
+        delay_ms=event.delay_ms,
+        probability=event.probability,
+        tick_ms=body.tick_ms,
+    )
+    ticks = 0
+    if event.duration_s is not None:
+        ticks = max(1, whole(event.duration_s * 1e3, body.tick_ms, "duration_s"))
+    return ["sensor", board, event.sensor, event.fault, amount, ticks]
+
+
+def _index(name: str, names: Sequence[str], key: str) -> int:
+    if name not in names:
+        raise MeaningError(f"{key}: there is no {name!r}; there are {', '.join(names)}")
+    return names.index(name)

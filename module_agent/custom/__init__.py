@@ -1,0 +1,1 @@
+"""Controllers from outside: found by hash, and a wall around each."""

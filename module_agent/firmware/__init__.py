@@ -1,0 +1,1 @@
+"""What one joint board computes. Pure: the tick is its only clock."""

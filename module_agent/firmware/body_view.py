@@ -1,0 +1,172 @@
+"""What a board knows of the body, sample by sample, and what it makes of gaps (S9).
+
+Rule 1: samples are named by the tick in which they were taken. Only values of one tick are joined.
+Rule 2: when a sample is missing, go on: hold the newest older one for up to 5 ticks, extrapolate it
+        by its rates for up to 20, then take all above for rigid and reckon from the foot up.
+
+A board's own sensors give its joint. The orientation of its link comes from its own IMU, or from
+the board above (its orientation minus the joint between), and so does the mass that it carries.
+"""
+
+from typing import Any, NamedTuple
+
+from module_agent.firmware.kinematics import (
+    NOTHING,
+    CarriedShape,
+    Link,
+    Supported,
+    add_link,
+    carried_rigidly,
+    shape_of,
+)
+from protocol.robot.states import State
+from protocol.wire.frames import NO_TICK, LinkFrame
+
+HOLD_TICKS_MAX = 5
+EXTRAPOLATE_TICKS_MAX = 20
+GAP_TICKS_MAX = HOLD_TICKS_MAX + EXTRAPOLATE_TICKS_MAX
+FORGET_EVERY_TICKS = 32
+LATENESS_TICKS_MAX = 64
+"""A frame that is later than this says nothing of use any more."""
+
+
+class Turn(NamedTuple):
+    """An orientation or joint angle, and its rate."""
+
+    rad: float
+    rad_s: float
+
+
+LEVEL = Turn(0.0, 0.0)
+"""The foot stands still on a fixed support (paper, section III-B)."""
+
+
+class BodySample(NamedTuple):
+    """The body as of one tick: this board's joint and link, and all that the joint carries."""
+
+    joint: Turn
+    link: Turn
+    supported: Supported
+
+    @property
+    def sway(self) -> Turn:
+        """Angle of the carried centre of mass from the vertical through the joint, and its rate."""
+        return Turn(self.supported.sway_rad(), self.supported.sway_rad_s())
+
+
+class BodyView:
+    """Own samples joined with what the neighbours said about the same tick."""
+
+    def __init__(
+        self, link: Link, *, tick_s: float, lumped_delay_ticks: int, has_imu: bool, bottom: bool
+    ) -> None:
+        self.link = link
+        self.tick_s = tick_s
+        self.has_imu = has_imu
+        self.bottom = bottom
+        self._kept_ticks = lumped_delay_ticks + GAP_TICKS_MAX + LATENESS_TICKS_MAX
+        self._joint: dict[int, Turn] = {}
+        self._imu: dict[int, Turn] = {}
+        self._lower: dict[int, Turn] = {}
+        self._complete: dict[int, BodySample] = {}
+        self._newest_complete = NO_TICK
+        self._newest_lower = NO_TICK
+        self._last_lower = LEVEL
+        self._shape: CarriedShape | None = None
+
+    def forget(self, tick: int) -> None:
+        """Drop what is too old to be of use in `tick`, now and then; called in every tick."""
+        if tick % FORGET_EVERY_TICKS:
+            return
+        expired = tick - self._kept_ticks
+        stores: tuple[dict[int, Any], ...] = self._joint, self._imu, self._lower, self._complete
+        for store in stores:
+            for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
+                del store[old]
+
+    def sense(self, tick: int, joint: Turn, imu: Turn, *, top: bool) -> None:
+        """Store this board's own sensors; at the top of the chain they are a complete sample."""
+        self._joint[tick] = joint
+        if self.has_imu:
+            self._imu[tick] = imu
+        if self.bottom:
+            self._store_lower(tick, LEVEL)
+        if top and self.has_imu:
+            self._complete_sample(tick, imu, NOTHING)
+
+    def hear_from_above(self, frame: LinkFrame) -> None:
+        """Join what the board above said with this board's own sample of the same tick."""
+        tick = frame.sample_tick
+        if tick not in self._joint:
+            return
+        heard = Turn(frame.lower_link_rad, frame.lower_link_rad_s)
+        above = Supported(*frame[-5:])
+        self._complete_sample(tick, self._imu.get(tick, heard), above)
+
+    def hear_from_below(self, frame: LinkFrame) -> None:
+        """Store the orientation of the link below, reckoned by encoders from the foot up."""
+        if frame.sample_tick in self._joint:
+            self._store_lower(frame.sample_tick, Turn(frame.lower_link_rad, frame.lower_link_rad_s))
+
+    def sampled(self, tick: int) -> bool:
+        """Whether this board's own sensors were read in `tick`."""
+        return tick in self._joint
+
+    def at(self, tick: int) -> tuple[BodySample, State]:
+        """The sample of `tick`, or the best stand-in for it, and which of these it is."""
+        if tick in self._complete:
+            return self._complete[tick], State.RUNNING
+        for age in range(1, GAP_TICKS_MAX + 1):
+            older = self._complete.get(tick - age)
+            if older is None:
+                continue
+            held = older._replace(joint=self._joint.get(tick, older.joint))
+            if age <= HOLD_TICKS_MAX:
+                return held, State.HOLDING
+            return self._extrapolated(held, age * self.tick_s), State.EXTRAPOLATING
+        return self._reckoned(tick), State.RECKONING
+
+    def for_below(self, state: State) -> tuple[int, BodySample | None]:
+        """The newest sample for the board below, and its tick; reckoned when this board has to."""
+        if state is not State.RECKONING:
+            return self._newest_complete, self._complete.get(self._newest_complete)
+        if self._newest_lower not in self._joint:
+            return NO_TICK, None
+        return self._newest_lower, self._reckoned(self._newest_lower)
+
+    def for_above(self) -> tuple[int, Turn]:
+        """The newest orientation of this board's link by encoders from the foot up."""
+        tick = self._newest_lower
+        if tick not in self._joint:
+            return NO_TICK, LEVEL
+        lower, joint = self._last_lower, self._joint[tick]
+        return tick, Turn(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
+
+    def _complete_sample(self, tick: int, link: Turn, above: Supported) -> None:
+        supported = add_link(self.link, link.rad, link.rad_s, above)
+        self._complete[tick] = BodySample(self._joint[tick], link, supported)
+        if tick >= self._newest_complete:
+            self._newest_complete = tick
+            self._shape = shape_of(above, link.rad)
+
+    def _store_lower(self, tick: int, lower: Turn) -> None:
+        self._lower[tick] = lower
+        if tick >= self._newest_lower:
+            self._newest_lower, self._last_lower = tick, lower
+
+    def _extrapolated(self, sample: BodySample, ahead_s: float) -> BodySample:
+        def turned(turn: Turn) -> Turn:
+            return Turn(turn.rad + turn.rad_s * ahead_s, turn.rad_s)
+
+        mass, x_m, y_m, x_m_s, y_m_s = sample.supported
+        moved = Supported(mass, x_m + x_m_s * ahead_s, y_m + y_m_s * ahead_s, x_m_s, y_m_s)
+        return sample._replace(link=turned(sample.link), supported=moved)
+
+    def _reckoned(self, tick: int) -> BodySample:
+        joint = self._joint[tick]
+        lower = self._lower.get(tick, self._last_lower)
+        link = self._imu.get(tick) or Turn(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
+        above = NOTHING
+        if self._shape is not None:
+            above = carried_rigidly(self._shape, link.rad, link.rad_s)
+        return BodySample(joint, link, add_link(self.link, link.rad, link.rad_s, above))

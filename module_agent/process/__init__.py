@@ -1,0 +1,1 @@
+"""A board as an operating-system process: sessions, loops and signals."""

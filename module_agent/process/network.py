@@ -1,0 +1,132 @@
+"""A board's place on the network: what it declares, and where it leaves what comes.
+
+What comes each tick is left by a function written in C: a Python function, called from a thread
+that Python did not start, costs more than the tick. Observations go through `SimpleQueue.put`.
+Frames of neighbours are looked up in a dictionary that gives each key that it has not seen, and so
+each frame that comes, a reading of the clock: they are kept in order, with their times of arrival.
+"""
+
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from queue import SimpleQueue
+from typing import Any
+
+import zenoh
+
+from module_agent.firmware.board import Actuation
+from module_agent.firmware.config import BoardConfig
+from protocol.wire import keys
+
+END, PLANT, REPLY, MATCHING = range(4)
+Event = tuple[int, Any]
+"""A kind, and what the network brought of it."""
+
+
+class Post:
+    """Publishers and subscribers of one board."""
+
+    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
+        self.session = session
+        self.boot = boot
+        """Names this start of the firmware."""
+        self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
+        """Observations as they come, everything else with its kind."""
+        self._heard = [defaultdict[zenoh.Sample, int](time.monotonic_ns) for _ in config.neighbours]
+        """Frames of each neighbour. They wake nobody: without an observation they are no use."""
+        self._neighbours = config.neighbour_joints
+        joint, alive = config.joint, session.liveliness()
+        self._torque = publisher(session, keys.torque(rig, joint))
+        self._stalled = publisher(session, keys.stalled(rig, joint))
+        self._timing = publisher(session, keys.timing(rig, joint))
+        self._fault = publisher(session, keys.fault(rig, joint))
+        self._links = [
+            publisher(session, keys.link(rig, joint, neighbour))
+            for neighbour in config.neighbour_joints
+        ]
+        self._declared = [
+            session.declare_subscriber(keys.observation(rig, joint), self._observed()),
+            session.declare_subscriber(keys.end(rig), self._left(END)),
+            *[
+                session.declare_subscriber(keys.link(rig, neighbour, joint), self._hearing(link))
+                for link, neighbour in enumerate(config.neighbour_joints)
+            ],
+            *[link.declare_matching_listener(self._left(MATCHING)) for link in self._links],
+            alive.declare_subscriber(keys.plant_alive(rig), self._left(PLANT), history=True),
+            alive.declare_token(keys.alive(rig, joint, self.boot)),
+        ]
+
+    def say(self, actuation: Actuation) -> None:
+        """Send what a tick says."""
+        # Neighbours first: their frames travel while the plant waits for the slowest torque.
+        for link, payload in zip(self._links, actuation.links, strict=True):
+            link.put(payload)
+        for payload in actuation.faults:
+            self._fault.put(payload)  # Before the torque, so that the tick is still open.
+        self._torque.put(actuation.torque)
+
+    def heard(self) -> Iterator[tuple[int, bytes, int]]:
+        """What neighbours have said since the last look: link, frame, time of arrival in ns."""
+        for link, frames in enumerate(self._heard):
+            if frames:
+                for sample in list(frames):  # At one go: more may come at any time.
+                    yield link, sample.payload.to_bytes(), frames.pop(sample)
+
+    def report_timing(self, payload: bytes) -> None:
+        """Tell the plant when this board did what."""
+        self._timing.put(payload)
+
+    @property
+    def records(self) -> bool:
+        """Whether a plant wants to know when this board did what."""
+        return is_up(self._timing)
+
+    def report_stall(self, payload: bytes) -> None:
+        """Tell the plant that a neighbour's frame is missing."""
+        self._stalled.put(payload)
+
+    def ask(self, request: bytes, timeout_s: float) -> None:
+        """Ask the plant to be let in; its answer comes as an event."""
+        self.session.get(keys.ENROL, self._left(REPLY), payload=request, timeout=timeout_s)
+
+    def links_down(self) -> list[str]:
+        """Neighbours that would not hear what is said to them."""
+        links = zip(self._neighbours, self.links_up(), strict=True)
+        return [joint for joint, up in links if not up]
+
+    def links_up(self) -> list[bool]:
+        """For each link, whether what is said on it is heard at the other end."""
+        return [is_up(link) for link in self._links]
+
+    def forget(self) -> None:
+        """Throw away what has come and was not looked at."""
+        while not self.events.empty():
+            self.events.get()
+        for frames in self._heard:
+            frames.clear()
+
+    def _observed(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        return zenoh.handlers.Callback(self.events.put, indirect=False)
+
+    def _hearing(self, link: int) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        return zenoh.handlers.Callback(self._heard[link].__getitem__, indirect=False)
+
+    def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":
+        put = self.events.put
+        return zenoh.handlers.Callback(lambda content: put((kind, content)), indirect=False)
+
+
+def publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Declare what a board says every tick: at once, before anything else, and never dropped."""
+    return session.declare_publisher(
+        key,
+        express=True,
+        priority=zenoh.Priority.REAL_TIME,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+    )
+
+
+def is_up(link: zenoh.Publisher) -> bool:
+    """Whether what is said on a link is heard at its other end."""
+    told: Any = link  # The stub calls its status a bool; it is an object.
+    return bool(told.matching_status.matching)

@@ -1,0 +1,79 @@
+"""Brings one board onto the network and keeps it there until its part is over."""
+
+import json
+import os
+import sys
+from typing import Any, NoReturn
+
+import zenoh
+
+from module_agent.custom import sandbox as foreign
+from module_agent.firmware.config import BoardConfig, board_config
+from module_agent.firmware.enrolling import FinishedError, UnansweredError
+from module_agent.process.network import Post
+from module_agent.process.realtime_runtime import RealtimePost, RealtimeRuntime
+from module_agent.process.runtime import Runtime
+from protocol.process.exit_codes import ExitCode
+from protocol.process.stopping import ignore_signals, restarted_when_stuck
+from protocol.robot.scenario import ResolvedScenario
+from protocol.wire.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
+
+
+def serve(joint: str, scenario: ResolvedScenario) -> int:
+    """Run the board of a joint over Zenoh until its part is over; return the exit code.
+
+    Raises `stopping.StoppedError` when it is told to stop, and `ScenarioError` when a
+    controller's file is not the one that the scenario means.
+    """
+    config = board_config(scenario.values, joint)
+    foreign.check(config)
+    set_runtime_threads()
+    try:
+        _live(config, scenario, rig_of(scenario.values))
+    except FinishedError as finished:
+        if finished.code != ExitCode.OK:
+            print(f"{joint}: {finished}", file=sys.stderr)
+        return finished.code
+
+
+def _live(config: BoardConfig, scenario: ResolvedScenario, rig: Rig) -> NoReturn:
+    """Play the board's part, in one session after another if the plant does not answer."""
+    boot = int.from_bytes(os.urandom(8), "little") >> 1
+    runtime: Runtime | None = None
+    while True:
+        with restarted_when_stuck():
+            session, trouble = _join(config, rig)
+        with session:
+            try:
+                with restarted_when_stuck():
+                    post = _place(session, config, rig, boot)
+                if runtime is None:
+                    kind = Runtime if config.cadence is None else RealtimeRuntime
+                    runtime = kind(post, config, scenario, rig, trouble=trouble)
+                else:
+                    runtime.move(post, trouble)
+                runtime.run()
+            except UnansweredError:
+                continue
+            except BaseException:
+                ignore_signals()  # Nothing may come between the end and the closing of the session.
+                raise
+
+
+def _join(config: BoardConfig, rig: Rig) -> tuple[zenoh.Session, str | None]:
+    """A session; and with it what is wrong, if no neighbour can reach it."""
+    try:
+        return _open(board_session(rig, config.index)), None
+    except zenoh.ZError as error:
+        # Perhaps another process drives this joint already. The plant knows.
+        trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
+        return _open(board_session(rig, config.index, listens=False)), trouble
+
+
+def _place(session: zenoh.Session, config: BoardConfig, rig: Rig, boot: int) -> Post:
+    kind = Post if config.cadence is None else RealtimePost
+    return kind(session, config, rig=rig.name, boot=boot)
+
+
+def _open(config: dict[str, Any]) -> zenoh.Session:
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))

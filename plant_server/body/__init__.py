@@ -1,0 +1,1 @@
+"""The mechanics: chains of links, what holds them, and what pushes them."""

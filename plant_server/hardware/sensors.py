@@ -1,0 +1,196 @@
+"""Sensors: what one board can see of the body, and nothing else.
+
+    the body -> its board's clock -> steps, bias, noise -> faults -> rate by difference -> the board
+
+Rule 1: an exact sensor costs nothing: a board that has no others, and no fault, gets the body's own
+        numbers.
+Rule 2: all chance is drawn from seed, board and tick, here, before the readings are sent. So they
+        are the same in processes and in the twin, and nobody has to record them.
+Rule 3: readings are taken once in a tick, in realtime once in each of a board's periods: some
+        sensors remember the last one.
+"""
+
+from itertools import accumulate
+from math import exp, floor, isfinite, sqrt
+from typing import NamedTuple
+
+from plant_server.body.body import Body
+from plant_server.hardware.sensor_faults import SensorFaults
+from plant_server.session.config import PlantConfig
+from protocol.robot.chance import IMU_NOISE, IMU_RATE_NOISE, JOINT_RATE_NOISE, Chance
+from protocol.robot.clocks import STEADY, Clock
+from protocol.robot.commands import Command
+from protocol.robot.sensors import EXACT, SensorSheet
+
+
+class Readings(NamedTuple):
+    """The sensor fields of `protocol.wire.frames.Observation`, in its order."""
+
+    joint_rad: float
+    joint_rad_s: float
+    joint_torque_nm: float
+    imu_rad: float
+    imu_rad_s: float
+    foot_force_n: float
+    foot_cop_m: float
+
+
+def readings(body: Body, config: PlantConfig, board: int) -> Readings:
+    """Read the joint of a board, and IMU and force plate if it has them; 0 if it has not."""
+    imu_rad = imu_rad_s = foot_force_n = foot_cop_m = 0.0
+    if config.imu[board]:
+        imu_rad = list(accumulate(body.angles_rad))[board]
+        imu_rad_s = list(accumulate(body.rates_rad_s))[board]
+    if config.force_plate[board]:
+        foot_force_n, foot_cop_m = body.foot_force_n, body.foot_cop_m
+    return Readings(
+        body.angles_rad[board],
+        body.rates_rad_s[board],
+        body.torques_nm[board],
+        imu_rad,
+        imu_rad_s,
+        foot_force_n,
+        foot_cop_m,
+    )
+
+
+class Differentiator:
+    """A rate from an angle: its difference over the time since the last one, then a low-pass.
+
+    The low-pass is a first-order lag, exact for an input that stays the same between two ticks.
+    """
+
+    def __init__(self, *, tick_s: float, filter_s: float) -> None:
+        self._tick_s = tick_s
+        self._filter_s = filter_s
+        self._last: tuple[int, float] | None = None
+        self._rate_rad_s = 0.0
+
+    def rate_rad_s(self, tick: int, rad: float) -> float:
+        """The rate at a tick. Of what is no number: no number, and nothing remembered."""
+        if not isfinite(rad):
+            return rad
+        if self._last is not None:
+            last_tick, last_rad = self._last
+            elapsed_s = (tick - last_tick) * self._tick_s
+            raw_rad_s = (rad - last_rad) / elapsed_s
+            share = 1.0 - exp(-elapsed_s / self._filter_s) if self._filter_s else 1.0
+            self._rate_rad_s += share * (raw_rad_s - self._rate_rad_s)
+        self._last = tick, rad
+        return self._rate_rad_s
+
+    def restart(self) -> None:
+        """Forget: another board has come."""
+        self._last, self._rate_rad_s = None, 0.0
+
+
+class Instruments:
+    """The sensors of a board as its data sheet has them, read when its clock says so."""
+
+    def __init__(
+        self,
+        sheet: SensorSheet,
+        clock: Clock,
+        chance: Chance,
+        *,
+        tick_s: float,
+        every_ticks: int = 1,
+    ) -> None:
+        self.sheet = sheet
+        self._clock = clock
+        self._chance = chance
+        self._tick_s = tick_s
+        self._per_reading = 1.0 / sqrt(tick_s * every_ticks)
+        """A noise density times this is the deviation of one reading."""
+        self.differentiator = (
+            Differentiator(tick_s=tick_s, filter_s=sheet.joint_rate_filter_s)
+            if sheet.differentiates
+            else None
+        )
+
+    def measure(self, tick: int, truth: Readings, *, imu: bool) -> Readings:
+        """What the sensors say of the truth, rates by difference left out."""
+        sheet = self.sheet
+        age_s = self._clock.age_ticks(tick) * self._tick_s
+        joint_rad = truth.joint_rad - age_s * truth.joint_rad_s + sheet.encoder_offset_rad
+        step = sheet.encoder_step_rad
+        if step and isfinite(joint_rad):
+            joint_rad = step * floor(joint_rad / step + 0.5)
+        noise_rad_s = self._noise(tick, sheet.joint_rate_noise_rad_s_per_sqrt_hz, JOINT_RATE_NOISE)
+        taken = truth._replace(joint_rad=joint_rad, joint_rad_s=truth.joint_rad_s + noise_rad_s)
+        if not imu:
+            return taken
+        noise_rad = self._noise(tick, sheet.imu_noise_rad_per_sqrt_hz, IMU_NOISE)
+        noise_rad_s = self._noise(tick, sheet.imu_rate_noise_rad_s_per_sqrt_hz, IMU_RATE_NOISE)
+        imu_rad = truth.imu_rad - age_s * truth.imu_rad_s
+        return taken._replace(
+            imu_rad=imu_rad + sheet.imu_bias_rad + noise_rad,
+            imu_rad_s=truth.imu_rad_s + sheet.imu_rate_bias_rad_s + noise_rad_s,
+        )
+
+    def _noise(self, tick: int, density: float, purpose: int) -> float:
+        return density * self._per_reading * self._chance.normal(tick, purpose) if density else 0.0
+
+
+class Sensors:
+    """The sensors of the whole body, each read by its board alone."""
+
+    def __init__(self, config: PlantConfig) -> None:
+        self._config = config
+        self._instruments: dict[int, Instruments] = {}
+        self._faults: dict[int, SensorFaults] = {}
+        boards = zip(config.sensor_sheets, config.clock_sheets, strict=True)
+        for board, (sheet, clock_sheet) in enumerate(boards):
+            if sheet == EXACT and clock_sheet == STEADY:
+                continue
+            self._instruments[board] = Instruments(
+                sheet,
+                Clock(clock_sheet, seed=config.seed, board=board, tick_s=config.tick_s),
+                Chance(seed=config.seed, board=board),
+                tick_s=config.tick_s,
+                every_ticks=self._every_ticks(board),
+            )
+        self._special = set(self._instruments)
+        """Boards that do not simply get the truth."""
+
+    def _every_ticks(self, board: int) -> int:
+        """How often a board's sensors are read."""
+        cadence = self._config.cadence
+        return 1 if cadence is None else cadence.ticks_per_period[board]
+
+    def read(self, body: Body, board: int, tick: int) -> Readings:
+        """What a board senses in a tick."""
+        truth = readings(body, self._config, board)
+        if board not in self._special:
+            return truth
+        instruments = self._instruments.get(board)
+        taken = truth
+        if instruments is not None:
+            taken = instruments.measure(tick, truth, imu=self._config.imu[board])
+        if board in self._faults:
+            taken = Readings(*self._faults[board].spoil(tick, taken))
+        if instruments is not None and instruments.differentiator is not None:
+            rate_rad_s = instruments.differentiator.rate_rad_s(tick, taken.joint_rad)
+            taken = taken._replace(joint_rad_s=rate_rad_s)
+        return taken
+
+    def restart(self, board: int) -> None:
+        """A joint has another board: what its sensors remember is of the one before."""
+        instruments = self._instruments.get(board)
+        if instruments is not None and instruments.differentiator is not None:
+            instruments.differentiator.restart()
+
+    def obey(self, tick: int, command: Command) -> None:
+        """Carry out a "sensor" command. The fault is the joint's: it outlives its board."""
+        _, board, sensor, kind, amount, ticks = command
+        if board not in self._faults:
+            chance = Chance(seed=self._config.seed, board=board)
+            self._faults[board] = SensorFaults(
+                self._config.sensors[board], chance, every_ticks=self._every_ticks(board)
+            )
+            self._special.add(board)
+        self._faults[board].obey(tick, sensor, kind, amount, ticks)
+
+    def faults(self, board: int, tick: int) -> dict[str, str]:
+        """Which sensors of a board are faulty in a tick, and how."""
+        return self._faults[board].told(tick) if board in self._faults else {}

@@ -1,0 +1,1 @@
+"""The plant as an operating-system process: sessions, loops and signals."""

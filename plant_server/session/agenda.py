@@ -1,0 +1,57 @@
+"""The agenda: what is to happen to the robot, in order, at most one command a tick (S15).
+
+Rule: a command is due at its tick or, when others are before it, as soon as they are done.
+
+Besides what scenarios and terminals say, the plant itself puts down `["ready", board]`: the board
+that was plugged in a while ago has started up.
+"""
+
+from bisect import bisect, insort
+from typing import NamedTuple
+
+from protocol.robot.commands import Command
+
+
+class Entry(NamedTuple):
+    """A command and when it is due; entries of one tick keep the order in which they came."""
+
+    tick: int
+    number: int
+    command: Command
+
+
+class Agenda:
+    """Commands that have yet to be carried out."""
+
+    def __init__(self, scheduled: list[tuple[int, Command]]) -> None:
+        self._entries: list[Entry] = []
+        self._number = 0
+        for tick, command in scheduled:
+            self.add(tick, command)
+
+    def add(self, tick: int, command: Command) -> None:
+        """Schedule a command for a tick."""
+        insort(self._entries, Entry(tick, self._number, command))
+        self._number += 1
+
+    def turn(self, tick: int) -> int:
+        """The tick in which a command would be carried out that is added for the next one."""
+        return tick + bisect(self._entries, tick, key=lambda entry: entry.tick)
+
+    def expects_plug(self, board: int) -> bool:
+        """Whether a board is to be put in later; until then it has to wait."""
+        return self.holds(["plug", board]) or self.holds(["ready", board])
+
+    def holds(self, command: Command) -> bool:
+        """Whether a command has yet to be carried out."""
+        return any(entry.command == command for entry in self._entries)
+
+    def cancel(self, command: Command) -> None:
+        """Take a command off the agenda."""
+        self._entries = [entry for entry in self._entries if entry.command != command]
+
+    def due(self, tick: int) -> Command | None:
+        """Take the command of this tick, if there is one."""
+        if self._entries and self._entries[0].tick <= tick:
+            return self._entries.pop(0).command
+        return None

@@ -1,0 +1,137 @@
+"""The plant in realtime: the body goes on, whether its boards have said something or not.
+
+    command = plant.begin()              as in lockstep
+    observations = plant.open()          for the boards whose period begins with this tick
+    plant.answer(board, payload)         at any time between two ticks
+    plant.lived(board, payload)          as above: what a board says of its own time
+    record = plant.close()               with the torques that are in force
+
+Rule 1: a board gets an observation in each tick that is a multiple of its ticks per period. So all
+        that boards know of the body is sampled in ticks that they can name alike.
+Rule 2: the latest torque of a board is in force until a newer one comes; older ones change nothing.
+Rule 3: a torque ages from the tick in which the board said it, by its own estimate, or that in
+        which it came, whichever is earlier. One that is too old is not applied (0 N m), until a
+        newer one comes.
+Rule 4: the record of a tick has the torque frames in force in it, whenever they came.
+
+Nobody is waited for, so a board comes and goes between two ticks, and not at a tick's end (S5).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from plant_server.hardware.actuators import SAFE_TORQUE_NM
+from plant_server.record import TickRecord
+from plant_server.session.answers import read_answer
+from plant_server.session.config import PlantConfig
+from plant_server.session.lockstep import Lockstep
+from protocol.wire.frames import ProtocolError, Reason, TorqueFrame, encode
+from protocol.wire.trace import LastWord, Mark, decode_told
+
+
+@dataclass(slots=True)
+class Tally:
+    """How a board keeps its deadlines, by what it has told so far."""
+
+    periods: int = 0
+    missed: int = 0
+    """Periods whose torque was late, or never came."""
+    late_us_max: int = 0
+    """How late it woke up, at worst."""
+
+
+class FreeRunning(Lockstep):
+    """The plant of one run in realtime."""
+
+    def __init__(self, config: PlantConfig, *, run_id: int) -> None:
+        assert config.cadence is not None, "the scenario is one of realtime"
+        self.cadence = config.cadence
+        super().__init__(config, run_id=run_id)
+        self.telemetry.waits = False
+        self.stale_ticks = [0] * self.size
+        """Ticks in which a board's torque was too old to be applied."""
+        self.said_ticks = [0] * self.size
+        """From when on the torque in force of each board ages."""
+        self.tallies = [Tally() for _ in range(self.size)]
+        self._in_force: list[bytes] = [b""] * self.size
+        self._stale = [False] * self.size
+        self._answers = [b""] * self.size
+
+    def open(self) -> Iterator[tuple[int, bytes]]:
+        """Start the tick: what each board senses whose period begins with it."""
+        self.body.locked = self.tick < 0
+        self._record_sides()
+        for board, period in enumerate(self.cadence.ticks_per_period):
+            if self.tick % period == 0 and self.roster.present(board):
+                yield board, encode(self._observation(board))
+
+    def answer(self, board: int, payload: bytes) -> bool:
+        """Take a torque frame; tell whether it is in force now."""
+        try:
+            frame = self._read(board, payload)
+        except ProtocolError as error:
+            self.refuse(board, error.reason)
+            return False
+        self.telemetry.counted[board][frame.counter] = frame.counted
+        latest = self.latest[board]
+        if latest is not None and frame.tick <= latest.tick:
+            return False
+        self._in_force[board] = payload
+        self.said_ticks[board] = min(frame.tick, self.tick)
+        self.actuators.ask(board, frame.torque_nm)
+        self.latest[board] = frame
+        return True
+
+    def lived(self, board: int, payload: bytes) -> bool:
+        """Take what a board tells of its time; tell whether it is of this run."""
+        try:
+            told = decode_told(payload)
+        except ProtocolError as error:
+            self.refuse(board, error.reason)
+            return False
+        if told.run_id != self.run_id:
+            self.refuse(board, Reason.RUN)
+            return False
+        if isinstance(told, LastWord):
+            return True
+        tally = self.tallies[board]
+        for tick in told.lived:
+            tally.periods += 1 + tick.skipped
+            tally.missed += tick.skipped + bool(tick.marks & Mark.LATE)
+            tally.late_us_max = max(tally.late_us_max, tick.late_us)
+        return True
+
+    def close(self) -> TickRecord:
+        """End the tick: integrate to the next one with the torques in force."""
+        for board in range(self.size):
+            self._answers[board] = self._usable_answer(board)
+        return super().close()
+
+    def _read(self, board: int, payload: bytes) -> TorqueFrame:
+        frame = read_answer(
+            payload,
+            board=board,
+            boards=self.size,
+            run_id=self.run_id,
+            incarnation=self.roster.incarnations[board],
+            tick=None,
+        )
+        if frame.tick > self.tick + self.cadence.ahead_ticks_max:
+            raise ProtocolError(Reason.TICK, f"tick {frame.tick} is far ahead of {self.tick}")
+        return frame
+
+    def _usable_answer(self, board: int) -> bytes:
+        """The torque frame in force, unless it is too old."""
+        latest = self.latest[board]
+        if latest is None:
+            self._stale[board] = False
+            return b""
+        stale = self.tick - self.said_ticks[board] > self.cadence.age_ticks_max
+        if stale != self._stale[board]:
+            self._stale[board] = stale
+            self._events.append(["torque_stale" if stale else "torque_fresh", board])
+        if not stale:
+            return self._in_force[board]
+        self.stale_ticks[board] += 1
+        self.actuators.ask(board, SAFE_TORQUE_NM)
+        return b""

@@ -1,0 +1,73 @@
+"""Telemetry: what boards tell of themselves besides their torques. Nothing here moves the body.
+
+Rule 1: a board counts since its admission, so another incarnation begins anew.
+Rule 2: of a board that has failed, the first report counts; it is an event of the tick in which its
+        last part came, which in lockstep is the tick in which the board failed.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+from protocol.robot.states import COUNTERS, Counters, FaultCode
+from protocol.wire.frames import FAULT_PARTS_MAX, Fault, ProtocolError, Reason, decode
+
+CODES = frozenset(map(int, FaultCode))
+
+
+class Failure(NamedTuple):
+    """What has put a board out of action."""
+
+    code: FaultCode
+    text: str
+
+    def __str__(self) -> str:
+        what = self.text.partition("\n")[0]
+        return f"fault {self.code} ({self.code.title}), {what}"
+
+
+class Telemetry:
+    """Of all boards of one body."""
+
+    def __init__(self, size: int) -> None:
+        self.waits = True
+        """Whether ticks wait for boards, so that these speak of the open one."""
+        self.failures: list[Failure | None] = [None] * size
+        self.refused = [Counter[Reason]() for _ in range(size)]
+        """Frames of each board that the plant has refused, since the run began."""
+        self.counted = [[0] * len(COUNTERS) for _ in range(size)]
+        """Of each board, the last value told of each counter."""
+        self._parts: list[list[str]] = [[] for _ in range(size)]
+
+    def forget(self, board: int) -> None:
+        """Begin anew with another incarnation."""
+        self.failures[board] = None
+        self.counted[board] = [0] * len(COUNTERS)
+        self._parts[board] = []
+
+    def counters(self, board: int) -> Counters:
+        """What a board counts, as far as it has told."""
+        return Counters(*self.counted[board])
+
+    def report(
+        self, board: int, payload: bytes, *, run_id: int, incarnation: int, tick: int
+    ) -> Failure | None:
+        """Take one part of a report; the whole, when it was the last. Raises `ProtocolError`."""
+        frame = decode(Fault, payload)
+        if frame.run_id != run_id:
+            raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
+        if frame.incarnation != incarnation or incarnation == 0:
+            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
+        if frame.tick != tick and self.waits:
+            raise ProtocolError(Reason.TICK, f"tick {frame.tick}, not {tick}")
+        if frame.code not in CODES or not frame.text.replace("\n", "").isprintable():
+            raise ProtocolError(Reason.RANGE, f"code {frame.code}")
+        if not 0 <= frame.part < frame.parts <= FAULT_PARTS_MAX:
+            raise ProtocolError(Reason.RANGE, f"part {frame.part} of {frame.parts}")
+        parts = self._parts[board]
+        if self.failures[board] is not None or frame.part != len(parts):
+            return None
+        parts.append(frame.text)
+        if len(parts) < frame.parts:
+            return None
+        failure = self.failures[board] = Failure(FaultCode(frame.code), "".join(parts))
+        return failure

@@ -1,0 +1,86 @@
+"""The recorder of a plant process: ticks with their wall times, and what boards tell of theirs.
+
+Rule 1: nothing of this enters control, and nobody waits for it: a tick that is over is written
+        while the boards think about the next one.
+Rule 2: each board tells of each tick once, in order, so what is kept is bounded by the run.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+
+from plant_server.record import Outcome, TickRecord, Walls
+from plant_server.session.enrolment import Enrolment
+from plant_server.spool.spool import SpoolWriter
+from protocol.process.stopping import undisturbed
+from protocol.wire.frames import NO_TICK, ProtocolError, Reason, decode
+from protocol.wire.timing import Timing
+
+Timings = Iterable[tuple[int, bytes]]
+"""Boards, and the `Timing` frames that have come from them."""
+NUMBER_END = 2**63
+"""What is recorded can be read by whoever has 64 bits."""
+NOT_HEARD = -1
+
+
+class Recorder:
+    """Decides what of a run goes into its spool."""
+
+    def __init__(self, writer: SpoolWriter, enrolment: Enrolment) -> None:
+        self.refused: Counter[Reason] = Counter()
+        """Timings that were not of this run, of these boards, or of a tick to be told of."""
+        self._writer = writer
+        self._enrolment = enrolment
+        self._unwritten: list[tuple[TickRecord, Walls]] = []
+        self._open_tick = NO_TICK
+        self._told_ticks = [NO_TICK] * len(enrolment.joints)
+        """The last tick of which each board has told."""
+
+    def keep(self, record: TickRecord, walls: Walls) -> None:
+        """Take a tick that is over, to write it when there is time."""
+        self._unwritten.append((record, walls))
+
+    def write(self, timings: Timings) -> None:
+        """Write what has been taken, and what boards have told meanwhile."""
+        with undisturbed:  # A tick is written once.
+            for record, walls in self._unwritten:
+                self._writer.append(record, walls)
+                self._open_tick = record.tick + 1
+            self._unwritten.clear()
+            self._keep_timings(timings)
+
+    def keep_realtime(self, board: int, told: bytes | dict[str, float]) -> None:
+        """Keep what a board in realtime has told of its turns; of `PLANT`, its account."""
+        self._writer.keep_realtime(board, told)
+
+    def close(self, outcome: Outcome, timings: Timings) -> None:
+        """Write the rest: what boards told on their way out, and how the run ended."""
+        self.write(timings)
+        self._writer.note({"timings_refused": self.refused})
+        self._writer.close(outcome)
+
+    def _keep_timings(self, timings: Timings) -> None:
+        """Keep frames that tell of ticks up to the open one, and count what cannot be used."""
+        for board, payload in timings:
+            try:
+                frame = decode(Timing, payload)
+                self._check(board, frame)
+            except ProtocolError as error:
+                self.refused[error.reason] += 1
+            else:
+                self._told_ticks[board] = frame.tick + len(frame.ticks) - 1
+                self._writer.keep_timing(board, payload)
+
+    def _check(self, board: int, frame: Timing) -> None:
+        if frame.run_id != self._enrolment.run_id:
+            raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
+        if frame.incarnation != self._enrolment.seats[board].incarnation:
+            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
+        if not self._told_ticks[board] < frame.tick <= self._open_tick + 1 - len(frame.ticks):
+            raise ProtocolError(Reason.TICK, f"{len(frame.ticks)} ticks from {frame.tick}")
+        if not frame.ticks:
+            raise ProtocolError(Reason.RANGE, "no ticks")
+        *own, first, second = map(min, zip(*frame.ticks, strict=True))
+        if min(*own, *frame[3:7]) < 0 or min(first, second) < NOT_HEARD:
+            raise ProtocolError(Reason.RANGE, "a time below 0")
+        if max(*frame[3:7], *map(max, frame.ticks)) >= NUMBER_END:
+            raise ProtocolError(Reason.RANGE, f"a number of {NUMBER_END} or more")

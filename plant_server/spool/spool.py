@@ -1,0 +1,177 @@
+"""The spool: what a run leaves behind while it goes on, for whoever reads it afterwards.
+
+Rule 1: appending is cheap; everything that takes time happens on another thread or after the run.
+Rule 2: the spool is chunks (`chunks`) of msgpack records, each a kind and its fields.
+Rule 3: trouble with the disk never reaches the control loop; it is told once, and recording stops.
+Rule 4: the record of how the run ended is the last one, so without it a spool is incomplete.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import msgpack
+
+from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from plant_server.spool.chunks import ChunkWriter, read_chunks
+from protocol.process.machine import effort
+from protocol.robot.scenario import canonical
+from protocol.wire.frames import decode
+from protocol.wire.timing import Timing
+
+CHUNK_BYTES = 1 << 18
+_SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
+_REALTIME = 8
+PLANT = -1
+"""Whose account it is, of a run in realtime, that no board gave."""
+
+
+def to_stderr(line: str) -> None:
+    """Tell whoever started this process."""
+    print(line, file=sys.stderr, flush=True)
+
+
+class SpoolWriter:
+    """Appends records to a new file. Raises OSError if it cannot be made, or is there already.
+
+    A context: on leaving it, what there is has been written. `tell` is given one line if the
+    recording has to stop before the run does.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        scenario: dict[str, Any],
+        facts: dict[str, Any] | None = None,
+        tell: Callable[[str], None] = to_stderr,
+    ) -> None:
+        self._chunks = ChunkWriter(path, chunk_bytes=CHUNK_BYTES)
+        self._pack = msgpack.Packer(use_bin_type=True).pack
+        self._tell = tell
+        self._told = self._closed = False
+        self._chunks.put(self._pack((_SCENARIO, canonical(scenario))))
+        self.note(facts or {})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self.close(None)
+
+    @property
+    def trouble(self) -> OSError | None:
+        """Why nothing is recorded any more."""
+        return self._chunks.trouble
+
+    def note(self, facts: dict[str, Any]) -> None:
+        """Keep facts about the run; later ones go over earlier ones of the same name."""
+        self._chunks.put(self._pack((_FACTS, canonical(facts))))
+
+    def keep_timing(self, board: int, payload: bytes) -> None:
+        """Keep a `Timing` frame of a board, as it came."""
+        self._chunks.put(self._pack((_TIMING, board, payload)))
+
+    def keep_realtime(self, board: int, told: bytes | dict[str, float]) -> None:
+        """Keep what a board has told of its own time, as it came; of `PLANT`, its account."""
+        self._chunks.put(self._pack((_REALTIME, board, told)))
+
+    def append(self, record: TickRecord, walls: Walls | None) -> None:
+        """Keep one tick; in the twin it has no wall times."""
+        if self._chunks.trouble is None:
+            self._chunks.put(self._pack((_TICK, *record, walls)))
+        else:
+            self._complain(f"recording stopped at tick {record.tick}", "; the run goes on")
+
+    def close(self, outcome: Outcome | None) -> None:
+        """Keep how the run ended, if it did, and write what is left. Closing twice is harmless."""
+        if self._closed:
+            return
+        self._closed = True
+        if outcome is not None:
+            used = effort()
+            self.note({"cpu_s": used.cpu_us / 1e6, "memory_kb": used.memory_kb})
+            self._chunks.put(self._pack((_OUTCOME, *outcome)))
+        self._chunks.close()
+        if self.trouble is not None:
+            self._complain("recording is incomplete", "")
+
+    def _complain(self, what: str, and_now: str) -> None:
+        if not self._told and self.trouble is not None:
+            self._told = True
+            self._tell(f"{what}: {self.trouble.strerror}{and_now}")
+
+
+class Spool(NamedTuple):
+    """What was read back."""
+
+    scenario: dict[str, Any]
+    facts: dict[str, Any]
+    """Machine, versions, mode, numeric fingerprint; at the end the plant's own effort."""
+    ticks: list[TickRecord]
+    walls: list[Walls | None]
+    """One for each tick; None where no clock was read, as in the twin."""
+    timings: list[tuple[int, Timing]]
+    """Boards, and when they did what, in the order in which the plant received it.
+
+    When a run was cut short, boards may tell of the tick that was open as well.
+    """
+    outcome: Outcome | None
+    """None: the run was cut off before it could say how it ended."""
+    complete: bool
+    """Whether the recording has its end: nothing that happened is missing."""
+    realtime: tuple[tuple[int, Any], ...] = ()
+    """Of a run in realtime: traces of boards, each with its number, and the account of `PLANT`."""
+
+    @property
+    def in_realtime(self) -> bool:
+        """Whether nobody waited for anybody in this run."""
+        return self.scenario.get("realtime") is not None
+
+
+def read_spool(path: Path) -> Spool:
+    """Read all complete chunks of a spool. Raises ValueError if not even the first is there."""
+    scenario: dict[str, Any] | None = None
+    facts: dict[str, Any] = {}
+    ticks: list[TickRecord] = []
+    walls: list[Walls | None] = []
+    timings: list[tuple[int, Timing]] = []
+    realtime: list[tuple[int, Any]] = []
+    outcome: Outcome | None = None
+    for kind, *fields in _records(path.read_bytes()):
+        if kind == _TICK:
+            tick, *sequences, times = fields
+            ticks.append(TickRecord(tick, *map(tuple, sequences)))
+            walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
+        elif kind == _TIMING:
+            board, payload = fields
+            timings.append((board, decode(Timing, payload)))
+        elif kind == _OUTCOME:
+            tick, angles, rates, ending, wall_s, undriven = fields
+            joints = tuple(Undriven(*joint) for joint in undriven)
+            outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
+        elif kind == _FACTS:
+            facts |= json.loads(fields[0])
+        elif kind == _REALTIME:
+            board, told = fields
+            realtime.append((board, told))
+        else:
+            scenario = json.loads(fields[0])
+    if scenario is None:
+        raise ValueError("it holds no complete chunk of a run")
+    complete = outcome is not None
+    return Spool(scenario, facts, ticks, walls, timings, outcome, complete, tuple(realtime))
+
+
+def _records(content: bytes) -> Iterator[list[Any]]:
+    for chunk in read_chunks(content):
+        unpacker = msgpack.Unpacker(max_buffer_size=0)
+        unpacker.feed(chunk)
+        yield from unpacker

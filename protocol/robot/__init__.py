@@ -1,0 +1,1 @@
+"""What the frames talk of: scenario, commands, sensors, states, clocks and chance."""
