@@ -29,6 +29,7 @@ def examine() -> list[Check]:
     return [
         look.python(wanted.python, platform.python_version()),
         *(look.package(name, least) for name, least in wanted.packages.items()),
+        look.own_packages(),
         look.control_loop(),
         look.cores(machine.cores()),
         look.memory(machine.free_memory_mb()),

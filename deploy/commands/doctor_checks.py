@@ -20,6 +20,9 @@ from importlib.metadata import PackageNotFoundError, metadata, version
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import psutil
+
+from deploy.decmesh import packages
 from deploy.launch import rigs
 from protocol.process.compiled import compiled
 
@@ -83,6 +86,14 @@ def package(name: str, wanted: str, version_of: Callable[[str], str] = version) 
     return Check(name, "wrong", f"{found}, needs {wanted}", install)
 
 
+def own_packages() -> Check:
+    """Whether no other project's packages stand under the names of ours."""
+    for name, place in packages.strangers().items():
+        what, _, do = packages.complaint(name, place).partition("; ")
+        return Check("own packages", "wrong", what, do)
+    return Check("own packages", "ok", ", ".join(packages.NAMES))
+
+
 def control_loop(root: Path = ROOT) -> Check:
     """Whether what runs in every tick is compiled. It does the same either way."""
     how = "compiled" if any(compiled(root)) else "interpreted; `make compiled` makes it faster"
@@ -96,10 +107,8 @@ def cores(count: int) -> Check:
     return Check("cores", "mind", "1", "runs are right but slow: all processes share one core")
 
 
-def memory(free_mb: int | None) -> Check:
+def memory(free_mb: int) -> Check:
     """Whether a robot fits into memory."""
-    if free_mb is None:
-        return Check("memory", "ok", "this system does not tell")
     if free_mb >= MEMORY_MB:
         return Check("memory", "ok", f"{free_mb:,} MB free")
     found = f"{free_mb:,} MB free, a robot takes {MEMORY_MB}"
@@ -204,14 +213,13 @@ def processes() -> Check:
 
 
 def _orphans(launchers: set[int]) -> Iterator[int]:
-    """Our plants and boards whose parent is gone, where the system tells (Linux)."""
-    for entry in Path("/proc").glob("[0-9]*"):
-        with suppress(OSError, ValueError, IndexError):
-            words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
-            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            ours = entry.stat().st_uid == os.getuid() and words[1] == "-m"
+    """Our plants and boards whose parent is gone."""
+    for process in psutil.process_iter():
+        with suppress(psutil.Error, IndexError):
+            words, parent = process.cmdline(), process.ppid()
+            ours = process.uids().real == os.getuid() and words[1] == "-m"
             if ours and words[2] in PROCESSES and parent == 1 and parent not in launchers:
-                yield int(entry.name)
+                yield process.pid
 
 
 def _numbers(text: str) -> tuple[int, ...]:

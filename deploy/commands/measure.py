@@ -143,7 +143,7 @@ def _that_fit(cases: "Sequence[Case]") -> "list[Case]":
     if large:
         line = (
             f"{', '.join(large)} boards are too many processes for this machine, which takes {most}"
-            f" ({machine.cores()} cores, {machine.free_memory_mb() or '?'} MB free)"
+            f" ({machine.cores()} cores, {machine.free_memory_mb()} MB free)"
         )
         if len(large) == len({case.boards for case in cases}):
             raise FailedError(ExitCode.BAD_INPUT, f"{line}; leave --processes away")

@@ -6,8 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deploy.commands.progress import ticks_shown
-from deploy.commands.terminal import JsonOption, err, print_files, print_json, say, writing
+from deploy.commands.terminal import (
+    JsonOption,
+    print_files,
+    print_json,
+    say,
+    ticks_shown,
+    writing,
+)
 from deploy.failure import FailedError
 from protocol.process.exit_codes import ExitCode
 from protocol.process.fingerprint import fingerprint
@@ -52,7 +58,7 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     if spool.in_realtime:
         _replay_realtime(spool, file, as_json=as_json, same_arithmetic=here == there)
         return
-    with ticks_shown(err, "replay", spool.scenario) as on_tick:
+    with ticks_shown("replay", spool.scenario) as on_tick:
         difference = first_difference(spool, on_tick)
     if difference is None:
         difference = _false_message(spool, file)
@@ -80,7 +86,7 @@ def _false_message(spool: "Spool", file: Path) -> "Difference | None":
 
     if not is_mcap(file):
         return None
-    with ticks_shown(err, "messages", spool.scenario) as on_tick:
+    with ticks_shown("messages", spool.scenario) as on_tick:
         return first_false_message(spool, file, on_tick)
 
 
@@ -90,7 +96,7 @@ def _replay_realtime(spool: "Spool", file: Path, *, as_json: bool, same_arithmet
     from deploy.recording.replay import UnplayableError  # noqa: PLC0415 - as above
 
     try:
-        with ticks_shown(err, "replay", spool.scenario) as on_tick:
+        with ticks_shown("replay", spool.scenario) as on_tick:
             found = play_again(spool, on_tick)
     except UnplayableError as error:
         raise FailedError(ExitCode.FAILED, str(error)) from error
@@ -133,7 +139,7 @@ def recover(
 
     source, target = places(recording, out_folder)
     spool = read_spool_of(source, whole=False)
-    with ticks_shown(err, "recover", spool.scenario) as on_tick, writing(target):
+    with ticks_shown("recover", spool.scenario) as on_tick, writing(target):
         rescue(spool, target, on_tick)
     if as_json:
         facts = {"file": target, "ticks": spool.ticks[-1].tick + 1, "complete": spool.complete}

@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from deploy.commands.progress import ticks_shown
 from deploy.commands.scenarios import ScenarioArgument
 from deploy.commands.terminal import (
     JsonOption,
     OutOption,
     SetOption,
-    err,
     out,
     print_files,
     print_json,
     say,
+    ticks_shown,
 )
 from deploy.failure import FailedError
 from deploy.launch import run as runs
@@ -169,7 +168,7 @@ def _run(
 
     Also of a run that is stopped; then raises `StoppedError`.
     """
-    with ticks_shown(err, label, scenario.values) as on_tick:
+    with ticks_shown(label, scenario.values) as on_tick:
         watch = Watch(on_tick, say)
         try:
             code = runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
@@ -205,7 +204,7 @@ def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path
 
         concluded = results.conclude(folder, "twin" if twin else "processes")
         if concluded is not None:
-            with ticks_shown(err, "run.mcap", concluded.spool.scenario) as on_tick:
+            with ticks_shown("run.mcap", concluded.spool.scenario) as on_tick:
                 files.extend(results.write(concluded, folder, on_tick))
     except OSError as error:
         say(f"cannot write to {folder}: {error.strerror}; {RECOVER.format(folder)}")

@@ -103,18 +103,37 @@ def tell(
 
 
 @contextmanager
-def progress(label: str, total: float) -> Iterator[Callable[[float], None]]:
+def progress(
+    label: str, total: float, note: str = "left, Ctrl-C keeps what is done"
+) -> Iterator[Callable[[float], None]]:
     """Show a bar with the time left while work goes on; yields what to call with work done."""
+    if not err.is_terminal:
+        yield lambda _done: None
+        return
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        TextColumn("left, Ctrl-C keeps what is done", style="dim"),
+        TextColumn(note, style="dim"),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+    with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task(label, total=total)
         yield lambda done: bar.advance(task, done)
+
+
+@contextmanager
+def ticks_shown(label: str, scenario: dict[str, Any]) -> Iterator[Callable[[int], None]]:
+    """Show the ticks of a scenario as they go by; yields what to call with the newest."""
+    with progress(label, scenario["run"]["ticks"], "left") as advance:
+        shown = 0
+
+        def on_tick(tick: int) -> None:
+            nonlocal shown
+            advance(tick - shown)
+            shown = tick
+
+        yield on_tick
 
 
 def _plain(value: Any) -> Any:

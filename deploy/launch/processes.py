@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import IO, NamedTuple, Self
 
 from deploy.failure import FailedError
-from deploy.launch.cores import place
+from deploy.launch.machine import place
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.scenario import ResolvedScenario, canonical
 from protocol.wire.wiring import RUNTIME_THREADS

@@ -12,7 +12,7 @@ import os
 import sys
 from typing import Any
 
-from deploy.launch.cores import place
+from deploy.launch.machine import place
 
 
 def turn(options: dict[str, Any], role: int, roles: int) -> None:

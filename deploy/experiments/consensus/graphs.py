@@ -10,6 +10,10 @@ random    connected: each board but the first has a link to a random one before 
 from functools import cache
 from math import exp, log
 
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
+
 from protocol.robot.chance import draw
 
 GRAPHS = ("line", "ring", "tree", "random")
@@ -34,21 +38,13 @@ def neighbours(graph: str, boards: int, seed: int) -> Near:
 
 @cache
 def diameter(near: Near) -> int:
-    """Hops between the two boards that are farthest apart.
-
-    Found as the boards would: who has heard of whom, as bits, round by round, until all have.
-    """
-    everybody = (1 << len(near)) - 1
-    known = [1 << board for board in range(len(near))]
-    rounds = 0
-    while any(heard != everybody for heard in known):
-        said, rounds = known, rounds + 1
-        known = list(said)
-        for board, others in enumerate(near):
-            for other in others:
-                known[board] |= said[other]
-        assert known != said, "the network is connected"
-    return rounds
+    """Hops between the two boards that are farthest apart, of a connected network."""
+    hears = [(board, other) for board, others in enumerate(near) for other in others]
+    rows, columns = zip(*hears, strict=True) if hears else ((), ())
+    links = csr_array((np.ones(len(hears)), (rows, columns)), shape=(len(near), len(near)))
+    hops = shortest_path(links, unweighted=True).max()
+    assert np.isfinite(hops), "the network is connected"
+    return int(hops)
 
 
 def rounds_to_watch(boards: int, hops: int, loss: float) -> int:

@@ -46,9 +46,7 @@ class Vote(NamedTuple):
 
 def boards_max() -> int:
     """How many boards this machine takes as processes."""
-    by_cores = BOARDS_PER_CORE * machine.cores()
-    memory_mb = machine.free_memory_mb()
-    return by_cores if memory_mb is None else min(by_cores, memory_mb // BOARD_MB)
+    return min(BOARDS_PER_CORE * machine.cores(), machine.free_memory_mb() // BOARD_MB)
 
 
 def play(case: Case) -> Generator[Epoch, None, None]:
