@@ -3,12 +3,13 @@
 # make bench        speed and memory beside other systems, in turn; BENCH="--quick" for a first look
 # make compiled     the control loop in C: the twin runs twice as fast (needs a C compiler)
 # make interpreted  without it again
+# make docs         rewrite what documents say of the code: tables of keys, commands, exit codes
 # make lock         renew the locked versions (needs uv)
 
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test bench lint lock clean compiled interpreted
+.PHONY: run test bench docs lint lock clean compiled interpreted
 
 run: .venv/run
 	$(BIN)/decmesh paper
@@ -29,6 +30,9 @@ interpreted:
 
 bench: .venv/bench
 	$(BIN)/python -m tests.bench $(BENCH)
+
+docs: .venv/run
+	$(BIN)/python -m deploy.generated --write
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

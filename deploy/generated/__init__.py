@@ -1,0 +1,1 @@
+"""Tables that documents take from the code, between marks: `python -m deploy.generated`."""
