@@ -1,4 +1,4 @@
-"""Placing: every process on one core, in turn, but only where they have to share."""
+"""The machine: placing gives every process one core, in turn, but only where they have to share."""
 
 import os
 import subprocess
@@ -45,4 +45,6 @@ def test_what_is_confined_to_one_core_stays_so(sleeper: int) -> None:
 def test_a_process_that_has_ended_is_nobodys_trouble(sleeper: int) -> None:
     os.kill(sleeper, 9)
     os.waitpid(sleeper, 0)
+    everywhere = os.sched_getaffinity(0)
     place(sleeper, 0, 1000)
+    assert os.sched_getaffinity(0) == everywhere

@@ -68,8 +68,9 @@ def test_an_answer_ends_the_wait() -> None:
 def test_who_asks_now_and_then_only_has_not_waited() -> None:
     """As a board that ticks, and tells of a link that has come up; or one that was stopped."""
     one = knee()
-    for n in range(100):
-        ask(one, n * 30.0)
+    asked = [ask(one, n * 30.0) for n in range(100)]
+    assert len(set(asked)) == 1
+    assert silence_s(one, 3000.0) == UNANSWERED_S + EVERY_S
 
 
 def test_a_refusal_ends_its_part() -> None:
