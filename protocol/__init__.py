@@ -4,6 +4,6 @@ Rule 1: standard library, msgpack and msgspec only, so that a board stays small.
 Rule 2: nothing here knows what a torque does; it knows how one is written down.
 """
 
-from protocol.process.compiled import insist_on_current
+from protocol.process.compiled import choose
 
-insist_on_current()
+choose()

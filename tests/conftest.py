@@ -1,6 +1,11 @@
-"""Options of the whole test suite."""
+"""What holds for the whole test suite: it tests what is written, not what was compiled from it."""
+
+import os
 
 import pytest
+
+os.environ.setdefault("DECMESH_INTERPRETED", "1")
+"""For the processes that tests start as well. The test of what is compiled says 0."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -24,7 +24,7 @@ import psutil
 
 from deploy.decmesh import packages
 from deploy.launch import rigs
-from protocol.process.compiled import compiled
+from protocol.process.compiled import INTERPRETED, compiled, interpreted
 
 Verdict = Literal["ok", "mind", "wrong"]
 ROOT = Path(__file__).parents[2]
@@ -97,6 +97,8 @@ def own_packages() -> Check:
 def control_loop(root: Path = ROOT) -> Check:
     """Whether what runs in every tick is compiled. It does the same either way."""
     how = "compiled" if any(compiled(root)) else "interpreted; `make compiled` makes it faster"
+    if interpreted():
+        how = f"interpreted, as {INTERPRETED} asks for"
     return Check("control loop", "ok", how)
 
 

@@ -1,5 +1,6 @@
 """The control loop in C does what its source does, to the bit."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from deploy.compiling import MODULES
-from protocol.process.compiled import ROOT, compiled
+from protocol.process.compiled import INTERPRETED, ROOT, compiled
 from tests.bench.compiled import compiled_copy
 
 COMPILER = str(sysconfig.get_config_var("CC") or "cc").split()[0]
@@ -26,7 +27,12 @@ for name in "bad-sensors bursty computed-torque hardware hotplug-limp hysteresis
 
 def _said(folder: Path, *command: str) -> str:
     ended = subprocess.run(
-        [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, *command],
+        cwd=folder,
+        env=os.environ | {INTERPRETED: "0", "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout

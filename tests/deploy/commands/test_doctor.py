@@ -16,7 +16,7 @@ from deploy.commands import doctor_checks as look
 from deploy.commands.doctor_checks import Check
 from deploy.launch import rigs
 from deploy.scenario_file.load import load
-from protocol.process.compiled import PACKAGES
+from protocol.process.compiled import INTERPRETED, PACKAGES
 from protocol.process.exit_codes import ExitCode
 
 FINE = Check("cores", "ok", "2")
@@ -84,12 +84,16 @@ def test_a_missing_package_comes_with_how_to_install_it() -> None:
     assert look.package("msgpack", "1.0").found == version("msgpack")
 
 
-def test_a_compiled_control_loop_is_told_of(tmp_path: Path) -> None:
+def test_a_compiled_control_loop_is_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert look.control_loop().found.startswith("interpreted")
     for package in PACKAGES:
         (tmp_path / package).mkdir()
     (tmp_path / "plant_server" / "body.py").touch()
     (tmp_path / "plant_server" / f"body{EXTENSION_SUFFIXES[0]}").touch()
+    assert look.control_loop(tmp_path).found == f"interpreted, as {INTERPRETED} asks for"
+    monkeypatch.setenv(INTERPRETED, "0")
     assert look.control_loop(tmp_path).found == "compiled"
 
 
