@@ -1,4 +1,5 @@
 # make run          the paper's experiment on four processes, with its table and figures
+# make check        lint, strict types and the fast tests, in under a minute: for every save
 # make test         lint, strict types and every test, real processes included
 # make bench        speed and memory beside other systems, in turn; BENCH="--quick" for a first look
 # make compiled     the control loop in C: the twin runs twice as fast (needs a C compiler)
@@ -9,12 +10,15 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test bench docs lint lock clean compiled interpreted
+.PHONY: run check test bench docs lint lock clean compiled interpreted
 
 run: .venv/run
 	$(BIN)/decmesh paper
 
-test: lint interpreted
+check: lint
+	$(BIN)/pytest -n 2 -m "not sampling and not processes and not slow"
+
+test: lint
 	$(BIN)/pytest -n 2
 
 lint: .venv/dev

@@ -13,6 +13,8 @@ from deploy.compiling import MODULES
 from protocol.process.compiled import INTERPRETED, ROOT, compiled
 from tests.bench.compiled import compiled_copy
 
+pytestmark = pytest.mark.slow
+
 COMPILER = str(sysconfig.get_config_var("CC") or "cc").split()[0]
 PLAY = """
 import hashlib

@@ -23,6 +23,8 @@ from plant_server.body.chain import Chain, LinkInertia
 from protocol.robot.scenario import ResolvedScenario
 from protocol.wire.frames import Observation, decode, encode
 
+pytestmark = pytest.mark.slow
+
 Floats = NDArray[np.float64]
 
 

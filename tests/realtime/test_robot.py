@@ -23,6 +23,8 @@ from plant_server.spool.spool import Spool
 from protocol.robot.states import State
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
+pytestmark = pytest.mark.slow
+
 SECOND = ("run.mode=realtime", "run.duration_s=1")
 QUIET = Host()
 BUSY = Host(busy=0.05, busy_ns=12 * MS)

@@ -13,6 +13,8 @@ from protocol.wire.frames import LinkFrame, Neighbour, Observation, TorqueFrame,
 from tests.sim.hunt import find
 from tests.sim.plans import plan
 
+pytestmark = pytest.mark.sampling
+
 SEEDS = 48
 CAUGHT_WITHIN = 60
 

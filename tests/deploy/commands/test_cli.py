@@ -18,6 +18,8 @@ from deploy.cli import app
 from deploy.scenario_file.load import available
 from protocol.process.exit_codes import ExitCode
 
+pytestmark = pytest.mark.slow
+
 SHORT = ("--twin", "--set", "run.duration_s=0.05")
 
 

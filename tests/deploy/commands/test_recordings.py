@@ -30,6 +30,8 @@ from protocol.process.fingerprint import fingerprint
 from tests.deploy.spools import spool, timed
 from tests.system.rig import decmesh
 
+pytestmark = pytest.mark.slow
+
 Change = Callable[[dict[str, Any]], dict[str, Any]]
 
 

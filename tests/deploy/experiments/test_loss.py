@@ -26,6 +26,8 @@ from deploy.launch.workers import work_off
 from protocol.process.stopping import StoppedError
 from protocol.robot.scenario import ScenarioError
 
+pytestmark = pytest.mark.slow
+
 SMALL = grid(seeds=2, duration_s=0.3, losses=(0.0, 0.5), rounds=(2, 8))
 
 

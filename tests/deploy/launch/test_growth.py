@@ -9,6 +9,8 @@ from deploy.scenario_file.load import load
 from tests.bench.hanging import hanging
 from tests.work import lines_run
 
+pytestmark = pytest.mark.slow
+
 
 def lines_of_ticks(boards: int, ticks: int) -> int:
     """Lines that run in a few ticks of a chain whose delay lines are full, all boards electing."""

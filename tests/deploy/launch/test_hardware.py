@@ -13,6 +13,8 @@ from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX
 from plant_server.record import COMPLETE, FELL
 from protocol.robot.states import State
 
+pytestmark = pytest.mark.slow
+
 JOINTS = ("ankle", "knee", "hip")
 ANKLE, KNEE, HIP = range(3)
 DELAY_TICKS = 10

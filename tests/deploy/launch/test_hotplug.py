@@ -17,6 +17,8 @@ from protocol.robot.scenario import ResolvedScenario, ScenarioError
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
 
+pytestmark = pytest.mark.slow
+
 ANKLE, KNEE, HIP = range(3)
 JOINTS = ("ankle", "knee", "hip")
 DELAY_TICKS = 10

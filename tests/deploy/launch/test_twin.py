@@ -10,6 +10,8 @@ from deploy.scenario_file.load import load
 from plant_server.record import FELL, TickRecord
 from protocol.robot.scenario import ResolvedScenario
 
+pytestmark = pytest.mark.sampling
+
 
 def short(*settings: str) -> ResolvedScenario:
     return load("paper", ["run.duration_s=0.3", *settings])

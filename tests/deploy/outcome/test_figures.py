@@ -13,6 +13,8 @@ from deploy.outcome.figures import _frame, _motion, comparison, panels
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
 
+pytestmark = pytest.mark.slow
+
 ENDINGS = ("svg", "png", "pdf")
 
 

@@ -16,6 +16,8 @@ from protocol.process.exit_codes import ExitCode
 from tests.deploy.commands.test_recordings import typed
 from tests.deploy.spools import by_the_wall, spool, timed
 
+pytestmark = pytest.mark.slow
+
 JUNK: tuple[Any, ...] = (
     None,
     -1,

@@ -14,6 +14,8 @@ from tests.deploy.spools import SHORT, spool
 from tests.sim.plans import plan
 from tests.sim.robot import Robot
 
+pytestmark = pytest.mark.slow
+
 
 def replayed(of: Spool) -> Difference | None:
     played: list[int] = []

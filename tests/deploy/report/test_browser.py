@@ -10,9 +10,10 @@ from deploy.report.runs import look_at
 from tests.deploy.browser import PROGRAM, Browser
 from tests.deploy.recordings import recording, run, unfinished
 
-pytestmark = pytest.mark.skipif(
-    PROGRAM is None, reason="needs chromium (Debian: apt-get install chromium)"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(PROGRAM is None, reason="needs chromium (Debian: apt-get install chromium)"),
+]
 TELEPHONE, DESK = 400, 1280
 
 

@@ -24,6 +24,8 @@ from deploy.scenario_file.load import load
 from protocol.process.exit_codes import ExitCode
 from tests.deploy.recordings import chain, recording, run
 
+pytestmark = pytest.mark.slow
+
 BYTES_MAX = 5_000_000
 
 

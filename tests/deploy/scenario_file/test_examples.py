@@ -15,6 +15,8 @@ from module_agent.firmware.election import Election, Gossip, Heard
 from protocol.wire.wiring import neighbours
 from tests.module_agent.robot import config
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def run(scenario: str, *settings: str) -> Trajectory:

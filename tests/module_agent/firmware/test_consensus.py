@@ -14,6 +14,8 @@ from module_agent.firmware.election import Gossip
 from protocol.wire.frames import NO_EPOCH
 from tests.module_agent.player import Player
 
+pytestmark = pytest.mark.sampling
+
 LAW = settings(max_examples=150, deadline=None, derandomize=True)
 Z_99_9 = 3.29  # Half width of a 99.9 % interval, in standard deviations.
 

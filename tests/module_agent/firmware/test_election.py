@@ -37,6 +37,8 @@ from tests.module_agent.robot import (
 )
 from tests.module_agent.robot import config as board_config
 
+pytestmark = pytest.mark.sampling
+
 LAW = settings(max_examples=200, deadline=None, derandomize=True)
 Z_99 = 2.576  # Half width of a 99 % interval, in standard deviations.
 PERIOD = 10

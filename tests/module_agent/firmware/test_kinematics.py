@@ -15,6 +15,8 @@ from module_agent.firmware.kinematics import (
     shape_of,
 )
 
+pytestmark = pytest.mark.sampling
+
 LAW = settings(max_examples=200, deadline=None, derandomize=True)
 DIFFERENCE_S = 1e-5
 """Central differences: truncation below 1e-7 for rates up to 3 rad/s, rounding below 1e-10."""

@@ -13,6 +13,8 @@ from protocol.robot.chance import draw
 from protocol.robot.commands import PERFECT, LinkParameters
 from protocol.wire.frames import LinkFrame, Neighbour, encode
 
+pytestmark = pytest.mark.sampling
+
 Z_99_9 = 3.29  # Half width of a 99.9 % interval, in standard deviations.
 FRAMES = 20_000
 EVERYTHING = LinkParameters(

@@ -12,6 +12,8 @@ from deploy.experiments.consensus.run import by_case, grid
 from deploy.experiments.consensus.theory import PLACES, agreed_within, applies, beside, mean_rounds
 from module_agent.firmware.elector import Elector, ElectorConfig
 
+pytestmark = pytest.mark.sampling
+
 EPOCHS = 4
 
 

@@ -16,6 +16,8 @@ from deploy.experiments.consensus.processes import boards_max
 from deploy.experiments.consensus.run import Row, grid, rows, spread, write_csv
 from deploy.experiments.consensus.table import rounds_table, wall_table
 
+pytestmark = pytest.mark.slow
+
 CASES = grid(
     graphs=["line", "ring"], boards=[3, 6], losses=[0.0, 0.3], rounds=None, epochs=40, seed=2
 )

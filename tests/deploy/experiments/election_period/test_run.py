@@ -27,6 +27,8 @@ from deploy.scenario_file.load import load
 from deploy.scenario_file.ticks import whole_ticks
 from protocol.robot.scenario import ScenarioError
 
+pytestmark = pytest.mark.slow
+
 SHORT = ("run.duration_s=0.3",)
 VALUES = (0.02, 0.05, 0.1)
 

@@ -22,6 +22,8 @@ from plant_server.spool.spool import Spool
 from protocol.wire.frames import LinkFrame, Observation, TorqueFrame, decode, encode, seal
 from tests.deploy.spools import SHORT, by_the_wall, opened_ns, spool, timed
 
+pytestmark = pytest.mark.slow
+
 Found = dict[str, list[tuple[int, int, dict[str, Any]]]]
 """By topic: log time, publish time and body of each message."""
 

@@ -21,6 +21,8 @@ from tests.deploy.commands.test_recordings import drop_chunks, tampered, typed
 from tests.deploy.recording.mcap.test_file import assert_same, contents, written
 from tests.deploy.spools import by_the_wall
 
+pytestmark = pytest.mark.slow
+
 
 def spooled(of: Spool, folder: Path) -> Path:
     """A spool as the plant would write it: traces come in between ticks."""

@@ -10,6 +10,8 @@ from deploy.recording.link_counts import MISSED
 from deploy.report.charts.spacetime import MARKS, Scene, outcome, spacetime, telling_epoch
 from tests.deploy.recordings import recording, run
 
+pytestmark = pytest.mark.slow
+
 
 def elected(of: Recording) -> Epochs:
     found = epochs(of.trajectory)

@@ -9,6 +9,8 @@ from deploy.report.sections.happenings import Kind, Span, timeline, told
 from protocol.robot.states import State
 from tests.deploy.recordings import run
 
+pytestmark = pytest.mark.slow
+
 
 def lanes(trajectory: Trajectory) -> dict[str, list[Span]]:
     found: dict[str, list[Span]] = {}

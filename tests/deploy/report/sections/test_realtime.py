@@ -18,6 +18,8 @@ from plant_server.spool.spool import Spool
 from tests.deploy.recordings import recording, run
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
+pytestmark = pytest.mark.slow
+
 BUSY = Host(busy=0.05, busy_ns=12 * MS)
 
 
