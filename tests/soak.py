@@ -22,6 +22,7 @@ from statistics import linear_regression
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import psutil
 from rich.console import Console
 from rich.table import Table
 
@@ -195,11 +196,8 @@ def line(samples: list[Sample], name: str) -> Line:
 
 
 def resident_kb(pid: int) -> int:
-    """Resident memory of a process (Linux)."""
-    for told in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if told.startswith("VmRSS:"):
-            return int(told.split()[1])
-    raise RuntimeError(f"process {pid} has no memory")
+    """Resident memory of a process."""
+    return psutil.Process(pid).memory_info().rss // 1024
 
 
 def main() -> int:

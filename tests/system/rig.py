@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from deploy.launch.twin import run_twin
 from deploy.recording.trajectory import trajectory
 from deploy.scenario_file.load import load
@@ -86,21 +88,22 @@ def recorded_ticks(spool: Path) -> int:
 
 def children_of(pid: int) -> list[int]:
     """Processes that a process has started and that still run."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        with contextlib.suppress(OSError, ValueError, IndexError):
-            fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
-            if int(fields[1]) == pid and fields[0] != "Z":
-                found.append(int(entry.name))
-    return found
+    try:
+        return [child.pid for child in psutil.Process(pid).children() if alive(child.pid)]
+    except psutil.NoSuchProcess:
+        return []
 
 
 def alive(pid: int) -> bool:
     """Whether a process runs; one that has ended and was not waited for does not."""
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
         return False
+
+
+def command_line(pid: int) -> list[str]:
+    return psutil.Process(pid).cmdline()
 
 
 def _can_listen(host: str, port: int) -> bool:
@@ -153,11 +156,7 @@ class Launched:
 
     def pid(self, word: str) -> int:
         """The child with this word in its command line."""
-        return next(
-            pid
-            for pid in children_of(self.launcher.pid)
-            if word in Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-        )
+        return next(pid for pid in children_of(self.launcher.pid) if word in command_line(pid))
 
     def kill(self) -> None:
         """Leave nobody behind, whatever state the processes are in."""

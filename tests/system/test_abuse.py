@@ -8,9 +8,9 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 import zenoh
 
@@ -80,10 +80,7 @@ def wait_until_heard(session: zenoh.Session, wanted: list[str]) -> None:
 
 
 def resident_mb(process: Process) -> float:
-    for line in Path(f"/proc/{process.pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return float(line.split()[1]) / 1024.0
-    raise AssertionError("no memory")
+    return psutil.Process(process.pid).memory_info().rss / 2**20
 
 
 def counted(answers: list[bytes]) -> dict[str, int]:

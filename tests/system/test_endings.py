@@ -24,6 +24,7 @@ from tests.system.rig import (
     Rig,
     alive,
     children_of,
+    command_line,
     decmesh,
     eventually,
     recorded_ticks,
@@ -56,10 +57,6 @@ class Launched:
 
     def all_gone(self) -> bool:
         return not any(map(alive, self.children))
-
-
-def command_line(pid: int) -> list[str]:
-    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
 
 
 @pytest.fixture
