@@ -9,10 +9,10 @@ from rich.table import Table
 
 from deploy.commands.terminal import JsonOption, out, print_json
 from deploy.launch.status import status_shown
-from deploy.scenario_file.sensor_faults import fault_amount
+from deploy.scenario_file.sensor_faults import FaultAmounts, amount_of, fault_amount
 from deploy.scenario_file.ticks import MeaningError, whole_ticks
-from protocol.robot import sensors
 from protocol.robot.commands import DELAY_TICKS_MAX, Command
+from protocol.robot.sensors import FAULTS, Faultable, FaultKind
 
 RigOption = Annotated[
     str | None,
@@ -39,6 +39,13 @@ def quantity(text: str, kind: str) -> float:
         example = f"5{next(iter(units))}"
         raise typer.BadParameter(f"{text!r} is no {kind}; write it like {example}")
     return float(match[1]) * units[match[2]]
+
+
+AMOUNT_HELP = "How large the fault is: " + ", ".join(
+    f"{taken.key.removesuffix('_ms')} of {fault}, such as {taken.default:g}{'ms' * taken.in_ms}"
+    for fault in FAULTS
+    if (taken := amount_of(fault)) is not None
+)
 
 
 def cut(
@@ -147,12 +154,10 @@ def reference(
 
 def sensor(
     joint: JointArgument,
-    fault: Annotated[str, typer.Argument(help=f"One of {', '.join(sensors.FAULTS)}.")],
-    which: Annotated[str, typer.Option("--of", help=", ".join(sensors.NAMES))] = sensors.ENCODER,
+    fault: Annotated[FaultKind, typer.Argument(help="What is wrong with it.")],
+    which: Annotated[Faultable, typer.Option("--of", help="Which of its sensors.")] = "encoder",
     duration: Annotated[str | None, typer.Option("--for", help="Such as 500ms.")] = None,
-    period: Annotated[str | None, typer.Option(help="Of a slow one, such as 20ms.")] = None,
-    delay: Annotated[str | None, typer.Option(help="Of a delayed one, such as 100ms.")] = None,
-    probability: Annotated[float | None, typer.Option(help="Of an intermittent one.")] = None,
+    amount: Annotated[str | None, typer.Option(help=AMOUNT_HELP)] = None,
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -160,25 +165,18 @@ def sensor(
 
     Example: decmesh sensor knee stuck --for 500ms
     """
-    period_ms, delay_ms, for_ms = (
-        None if text is None else quantity(text, "time") * 1e3 for text in (period, delay, duration)
-    )
+    for_ms = None if duration is None else quantity(duration, "time") * 1e3
+    given = _amount_given(fault, amount)
 
     def command(status: dict[str, Any], live: Any) -> Command:
         tick_ms = status["tick_s"] * 1e3
         try:
-            amount = fault_amount(
-                fault,
-                period_ms=period_ms,
-                delay_ms=delay_ms,
-                probability=probability,
-                tick_ms=tick_ms,
-            )
+            size = fault_amount(fault, given, tick_ms=tick_ms)
         except MeaningError as error:
             raise typer.BadParameter(str(error)) from error
         ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
         joints = [board["joint"] for board in status["boards"]]
-        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, amount, ticks]
+        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, size, ticks]
 
     _do(command, rig, as_json=as_json)
 
@@ -238,6 +236,20 @@ def _of_joint(
         return [name, live.index_of(joint, joints, "joint"), *values]
 
     _do(command, rig, as_json=as_json)
+
+
+def _amount_given(fault: FaultKind, text: str | None) -> FaultAmounts:
+    """A fault's size as somebody typed it, under the key of its kind."""
+    if text is None:
+        return FaultAmounts()
+    taken = amount_of(fault)
+    if taken is None:
+        raise typer.BadParameter(f"a sensor that is {fault} has no --amount")
+    try:
+        value = quantity(text, "time") * 1e3 if taken.in_ms else float(text)
+        return FaultAmounts.model_validate({taken.key: value})
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is no {taken.key} of a sensor") from error
 
 
 def _do(command: Any, rig: str | None, *, as_json: bool) -> None:

@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from deploy.scenario_file.sensor_faults import fault_amount
+from deploy.scenario_file.sensor_faults import FaultAmounts, fault_amount
 from deploy.scenario_file.ticks import MeaningError, whole
-from protocol.robot import sensors
 from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT, Command
+from protocol.robot.sensors import ALL, Faultable, FaultKind
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 Milliseconds = Annotated[float, Field(ge=0, le=100_000)]
@@ -110,19 +110,13 @@ class Plugging(Event):
     joint: str
 
 
-class SensorFault(Event):
+class SensorFault(Event, FaultAmounts):
     """A sensor of a board is broken (`protocol.robot.sensors`), or, with "ok", whole again."""
 
     do: Literal["sensor"]
     joint: str
-    sensor: Literal["encoder", "gyroscope", "torque", "imu", "foot", "all"] = "encoder"
-    fault: Literal["ok", "off", "stuck", "garbage", "slow", "delayed", "intermittent"]
-    period_ms: Milliseconds | None = None
-    """Of "slow": from one new value to the next."""
-    delay_ms: Milliseconds | None = None
-    """Of "delayed"."""
-    probability: Probability | None = None
-    """Of "intermittent": that there is no value in a tick."""
+    sensor: Faultable = "encoder"
+    fault: FaultKind
     duration_s: Seconds | None = None
 
 
@@ -246,15 +240,9 @@ def _for_a_while(
 
 def _sensor_command(event: SensorFault, body: Body) -> Command:
     board = _index(event.joint, body.joints, "joint")
-    if event.sensor not in (*body.sensors[board], sensors.ALL):
+    if event.sensor not in (*body.sensors[board], ALL):
         raise MeaningError(f"sensor: {event.joint} has no {event.sensor}")
-    amount = fault_amount(
-        event.fault,
-        period_ms=event.period_ms,
-        delay_ms=event.delay_ms,
-        probability=event.probability,
-        tick_ms=body.tick_ms,
-    )
+    amount = fault_amount(event.fault, event, tick_ms=body.tick_ms)
     ticks = 0
     if event.duration_s is not None:
         ticks = max(1, whole(event.duration_s * 1e3, body.tick_ms, "duration_s"))

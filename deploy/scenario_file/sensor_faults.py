@@ -1,36 +1,64 @@
 """Faults of sensors as people write them: how large one is, in the unit that its kind has."""
 
+from typing import Annotated, NamedTuple, assert_never
+
+from pydantic import BaseModel, Field
+
 from deploy.scenario_file.ticks import MeaningError, whole
-from protocol.robot import sensors
-
-SLOW_MS, DELAYED_MS, INTERMITTENT = 20.0, 100.0, 0.5
-"""How slow, delayed and intermittent sensors are, unless it is said."""
+from protocol.robot.sensors import FaultKind, amount_trouble
 
 
-def fault_amount(
-    fault: str,
-    *,
-    period_ms: float | None,
-    delay_ms: float | None,
-    probability: float | None,
-    tick_ms: float,
-) -> float:
-    """How large a sensor's fault is, in the unit of its kind. Raises `MeaningError`."""
-    given = {
-        sensors.SLOW: ("period_ms", period_ms, SLOW_MS),
-        sensors.DELAYED: ("delay_ms", delay_ms, DELAYED_MS),
-        sensors.INTERMITTENT: ("probability", probability, INTERMITTENT),
-    }
-    for kind, (key, value, _default) in given.items():
-        if value is not None and fault != kind:
+class FaultAmounts(BaseModel):
+    """How large a fault is; each kind of fault has one of these keys, or none."""
+
+    period_ms: Annotated[float, Field(ge=0, le=100_000)] | None = None
+    """Of "slow": from one new value to the next."""
+    delay_ms: Annotated[float, Field(ge=0, le=100_000)] | None = None
+    """Of "delayed"."""
+    probability: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Of "intermittent": that there is no value in a tick."""
+
+
+class Amount(NamedTuple):
+    """The key that says how large a fault is, and what it is unless it is said."""
+
+    key: str
+    default: float
+
+    @property
+    def in_ms(self) -> bool:
+        """Whether it is a time, which counts in ticks."""
+        return self.key.endswith("_ms")
+
+
+def amount_of(fault: FaultKind) -> Amount | None:
+    """What a kind of fault takes; None: nothing."""
+    match fault:
+        case "slow":
+            return Amount("period_ms", 20.0)
+        case "delayed":
+            return Amount("delay_ms", 100.0)
+        case "intermittent":
+            return Amount("probability", 0.5)
+        case "ok" | "off" | "stuck" | "garbage":
+            return None
+        case _:
+            assert_never(fault)
+
+
+def fault_amount(fault: FaultKind, given: FaultAmounts, *, tick_ms: float) -> float:
+    """How large a fault is, in the unit of its kind: ticks or as it is. Raises `MeaningError`."""
+    taken = amount_of(fault)
+    for key in FaultAmounts.model_fields:
+        if getattr(given, key) is not None and (taken is None or key != taken.key):
             raise MeaningError(f"{key}: a sensor that is {fault} has none")
-    if fault not in given:
+    if taken is None:
         return 0.0
-    key, value, default = given[fault]
-    amount = default if value is None else value
-    if fault in sensors.AMOUNT_TICKS:
-        amount = float(whole(amount, tick_ms, key))
-    trouble = sensors.amount_trouble(fault, amount)
+    said = getattr(given, taken.key)
+    amount = taken.default if said is None else float(said)
+    if taken.in_ms:
+        amount = float(whole(amount, tick_ms, taken.key))
+    trouble = amount_trouble(fault, amount)
     if trouble is not None:
-        raise MeaningError(f"{key}: {trouble}")
+        raise MeaningError(f"{taken.key}: {trouble}")
     return amount

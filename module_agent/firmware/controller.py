@@ -38,7 +38,8 @@ class Seen(NamedTuple):
     state: State
     """How good that sample is: running, holding, extrapolating or reckoning."""
     observation: Observation
-    """Own sensors as they came in this very tick, unchecked: torque, force plate and the rest."""
+    """Own sensors as they came in this very tick, unchecked: `readings` has torque, force plate and
+    the rest."""
 
 
 class Controller(Protocol):

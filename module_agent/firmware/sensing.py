@@ -20,8 +20,8 @@ STUCK_TORQUE_NM = 1.0
 """No load follows a change of torque so closely that an exact angle stays the same to the bit."""
 
 
-class Readings(NamedTuple):
-    """Own sensors in one tick."""
+class OwnTurns(NamedTuple):
+    """How the joint turns, and the link above it in space, in one tick."""
 
     joint: Turn
     imu: Turn
@@ -45,7 +45,7 @@ class Sensing:
         self.stuck_samples = 0
         self._joint = Angle(joint_sheet(sheet, uneven=uneven), tick_s=tick_s)
         self._imu = Angle(imu_sheet(sheet, uneven=uneven), tick_s=tick_s) if has_imu else None
-        self._last = Readings(LEVEL, LEVEL)
+        self._last = OwnTurns(LEVEL, LEVEL)
         """The last good readings."""
         self._held_ticks = 0
         """Since then; or since the sensors were given up."""
@@ -57,21 +57,21 @@ class Sensing:
         """Whether the readings are recent enough to drive on."""
         return self._held_ticks <= HOLD_TICKS_MAX
 
-    def read(self, observation: Observation) -> Readings:
+    def read(self, observation: Observation) -> OwnTurns:
         """This tick's readings, or those that stand in for them."""
-        joint = Turn(observation.joint_rad, observation.joint_rad_s)
-        imu = Turn(observation.imu_rad, observation.imu_rad_s)
-        tick = observation.tick
-        verdict = self._joint.judge(tick, joint[0], joint[1], observation.joint_torque_nm)
+        tick, now = observation.tick, observation.readings
+        joint = Turn(now.joint_rad, now.joint_rad_s)
+        imu = Turn(now.imu_rad, now.imu_rad_s)
+        verdict = self._joint.judge(tick, joint[0], joint[1], now.joint_torque_nm)
         if self._imu is not None:
             verdict = max(verdict, self._imu.judge(tick, imu[0], imu[1], joint[0]))
         if verdict is FINE and self._held_ticks == 0:
-            self._last = Readings(joint, imu)
+            self._last = OwnTurns(joint, imu)
         else:
-            self._doubt(verdict, Readings(joint, imu))
+            self._doubt(verdict, OwnTurns(joint, imu))
         return self._last
 
-    def _doubt(self, verdict: Verdict, now: Readings) -> None:
+    def _doubt(self, verdict: Verdict, now: OwnTurns) -> None:
         """Count what is wrong; hold, give up, or take the sensors back."""
         given_up = not self.safe
         if verdict is FINE:

@@ -10,23 +10,28 @@ fault is not kept: a delayed sensor stands still until its delay has passed, the
 
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
-from protocol.robot import sensors
 from protocol.robot.chance import GARBAGE, INTERMITTENT, Chance
+from protocol.robot.sensors import (
+    ALL,
+    FULL_SCALES,
+    PLACES,
+    Faultable,
+    FaultKind,
+    Readings,
+    SensorName,
+)
 
 NO_NUMBER = float("nan")
-RANGES = (3.2, 35.0, 1000.0, 3.2, 35.0, 2000.0, 0.3)
-"""The largest that each reading can be when it is garbage: half a turn, what a gyroscope has for
-its full scale (2000 degrees a second), and torque, force and pressure of some large foot."""
 
 Values = tuple[float, ...]
 
 
-class Fault(NamedTuple):
+class ActiveFault(NamedTuple):
     """What is wrong with a sensor, since when, and until which tick (None: for good)."""
 
-    kind: str
+    kind: FaultKind
     amount: float
     since_tick: int
     until_tick: int | None
@@ -37,36 +42,38 @@ class Fault(NamedTuple):
 class SensorFaults:
     """Faults of the sensors of one board, which `has` them by these names, read `every_ticks`."""
 
-    def __init__(self, has: Sequence[str], chance: Chance, *, every_ticks: int = 1) -> None:
+    def __init__(self, has: Sequence[SensorName], chance: Chance, *, every_ticks: int = 1) -> None:
         self._has = has
         self._chance = chance
         self._every_ticks = every_ticks
-        self._faults: dict[str, Fault] = {}
+        self._faults: dict[SensorName, ActiveFault] = {}
 
-    def obey(self, tick: int, sensor: str, kind: str, amount: float, ticks: int) -> None:
-        """Let a sensor be faulty from a tick on, for some ticks or (0) until told otherwise."""
-        for name in self._has if sensor == sensors.ALL else [sensor]:
+    def obey(
+        self, tick: int, sensor: Faultable, kind: FaultKind, amount: float, ticks: int
+    ) -> None:
+        """Let a sensor be faulty from a tick on, for some ticks or (0) for good."""
+        for name in self._has if sensor == ALL else (sensor,):
             self._faults.pop(name, None)
-            if kind != sensors.OK:
-                kept = self._readings_in(amount) + 1 if kind == sensors.DELAYED else 1
+            if kind != "ok":
+                kept = self._readings_in(amount) + 1 if kind == "delayed" else 1
                 until_tick = tick + ticks if ticks else None
-                self._faults[name] = Fault(kind, amount, tick, until_tick, deque(maxlen=kept))
+                self._faults[name] = ActiveFault(kind, amount, tick, until_tick, deque(maxlen=kept))
 
-    def told(self, tick: int) -> dict[str, str]:
+    def active(self, tick: int) -> dict[SensorName, FaultKind]:
         """Which sensors are faulty in a tick, and how."""
         self._expire(tick)
         return {name: fault.kind for name, fault in self._faults.items()}
 
-    def spoil(self, tick: int, readings: Values) -> Values:
+    def apply(self, tick: int, readings: Readings) -> Readings:
         """What the board gets in place of its readings; call it once in each tick."""
         self._expire(tick)
         shown = list(readings)
         for name, fault in self._faults.items():
-            fields = sensors.FIELDS[name]
-            now = tuple(readings[field] for field in fields)
-            for field, value in zip(fields, self._shown(tick, fault, fields, now), strict=True):
-                shown[field] = value
-        return tuple(shown)
+            places = PLACES[name]
+            now = tuple(readings[place] for place in places)
+            for place, value in zip(places, self._shown(tick, fault, places, now), strict=True):
+                shown[place] = value
+        return Readings(*shown)
 
     def _readings_in(self, ticks: float) -> int:
         """How many readings so many ticks are, at least one."""
@@ -81,27 +88,29 @@ class SensorFaults:
         for name in over:
             del self._faults[name]
 
-    def _shown(self, tick: int, fault: Fault, fields: tuple[int, ...], now: Values) -> Values:
-        nothing = (NO_NUMBER,) * len(now)
-        memory = fault.memory
+    def _shown(self, tick: int, fault: ActiveFault, places: tuple[int, ...], now: Values) -> Values:
         match fault.kind:
-            case sensors.OFF:
-                return nothing
-            case sensors.GARBAGE:
-                return tuple(map(self._garbage, fields, (tick,) * len(fields)))
-            case sensors.INTERMITTENT:
+            case "ok":
+                return now
+            case "off":
+                return (NO_NUMBER,) * len(now)
+            case "garbage":
+                return tuple(self._garbage(tick, place) for place in places)
+            case "intermittent":
                 gone = self._chance.uniform(tick, INTERMITTENT) < fault.amount
-                return nothing if gone else now
-            case sensors.SLOW:
+                return (NO_NUMBER,) * len(now) if gone else now
+            case "slow":
                 readings = (tick - fault.since_tick) // self._every_ticks
                 fresh = readings % self._readings_in(fault.amount) == 0
-            case sensors.STUCK:
+            case "stuck":
                 fresh = False
-            case _:
+            case "delayed":
                 fresh = True
-        if fresh or not memory:
-            memory.append(now)
-        return memory[0]
+            case _:
+                assert_never(fault.kind)
+        if fresh or not fault.memory:
+            fault.memory.append(now)
+        return fault.memory[0]
 
-    def _garbage(self, field: int, tick: int) -> float:
-        return (2.0 * self._chance.uniform(tick, GARBAGE + field) - 1.0) * RANGES[field]
+    def _garbage(self, tick: int, place: int) -> float:
+        return (2.0 * self._chance.uniform(tick, GARBAGE + place) - 1.0) * FULL_SCALES[place]

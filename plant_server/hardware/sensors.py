@@ -12,30 +12,24 @@ Rule 3: readings are taken once in a tick, in realtime once in each of a board's
 
 from itertools import accumulate
 from math import exp, floor, isfinite, sqrt
-from typing import NamedTuple
 
 from plant_server.body.body import Body
 from plant_server.hardware.sensor_faults import SensorFaults
 from plant_server.session.config import PlantConfig
-from protocol.robot.chance import IMU_NOISE, IMU_RATE_NOISE, JOINT_RATE_NOISE, Chance
+from protocol.robot.chance import Chance
 from protocol.robot.clocks import STEADY, Clock
 from protocol.robot.commands import Command
-from protocol.robot.sensors import EXACT, SensorSheet
+from protocol.robot.sensors import (
+    EXACT,
+    FaultKind,
+    Readings,
+    SensorName,
+    SensorSheet,
+    noises,
+)
 
 
-class Readings(NamedTuple):
-    """The sensor fields of `protocol.wire.frames.Observation`, in its order."""
-
-    joint_rad: float
-    joint_rad_s: float
-    joint_torque_nm: float
-    imu_rad: float
-    imu_rad_s: float
-    foot_force_n: float
-    foot_cop_m: float
-
-
-def readings(body: Body, config: PlantConfig, board: int) -> Readings:
+def truth(body: Body, config: PlantConfig, board: int) -> Readings:
     """Read the joint of a board, and IMU and force plate if it has them; 0 if it has not."""
     imu_rad = imu_rad_s = foot_force_n = foot_cop_m = 0.0
     if config.imu[board]:
@@ -44,13 +38,13 @@ def readings(body: Body, config: PlantConfig, board: int) -> Readings:
     if config.force_plate[board]:
         foot_force_n, foot_cop_m = body.foot_force_n, body.foot_cop_m
     return Readings(
-        body.angles_rad[board],
-        body.rates_rad_s[board],
-        body.torques_nm[board],
-        imu_rad,
-        imu_rad_s,
-        foot_force_n,
-        foot_cop_m,
+        joint_rad=body.angles_rad[board],
+        joint_rad_s=body.rates_rad_s[board],
+        joint_torque_nm=body.torques_nm[board],
+        imu_rad=imu_rad,
+        imu_rad_s=imu_rad_s,
+        foot_force_n=foot_force_n,
+        foot_cop_m=foot_cop_m,
     )
 
 
@@ -100,8 +94,12 @@ class Instruments:
         self._clock = clock
         self._chance = chance
         self._tick_s = tick_s
-        self._per_reading = 1.0 / sqrt(tick_s * every_ticks)
-        """A noise density times this is the deviation of one reading."""
+        # A noise density times this is the deviation of one reading.
+        per_reading = 1.0 / sqrt(tick_s * every_ticks)
+        self._noises = {
+            field: (density * per_reading, purpose) for field, density, purpose in noises(sheet)
+        }
+        """Deviation of a reading, and what its noise is drawn for."""
         self.differentiator = (
             Differentiator(tick_s=tick_s, filter_s=sheet.joint_rate_filter_s)
             if sheet.differentiates
@@ -116,20 +114,23 @@ class Instruments:
         step = sheet.encoder_step_rad
         if step and isfinite(joint_rad):
             joint_rad = step * floor(joint_rad / step + 0.5)
-        noise_rad_s = self._noise(tick, sheet.joint_rate_noise_rad_s_per_sqrt_hz, JOINT_RATE_NOISE)
-        taken = truth._replace(joint_rad=joint_rad, joint_rad_s=truth.joint_rad_s + noise_rad_s)
+        taken = truth._replace(
+            joint_rad=joint_rad, joint_rad_s=truth.joint_rad_s + self._noise(tick, "joint_rad_s")
+        )
         if not imu:
             return taken
-        noise_rad = self._noise(tick, sheet.imu_noise_rad_per_sqrt_hz, IMU_NOISE)
-        noise_rad_s = self._noise(tick, sheet.imu_rate_noise_rad_s_per_sqrt_hz, IMU_RATE_NOISE)
         imu_rad = truth.imu_rad - age_s * truth.imu_rad_s
         return taken._replace(
-            imu_rad=imu_rad + sheet.imu_bias_rad + noise_rad,
-            imu_rad_s=truth.imu_rad_s + sheet.imu_rate_bias_rad_s + noise_rad_s,
+            imu_rad=imu_rad + sheet.imu_bias_rad + self._noise(tick, "imu_rad"),
+            imu_rad_s=truth.imu_rad_s + sheet.imu_rate_bias_rad_s + self._noise(tick, "imu_rad_s"),
         )
 
-    def _noise(self, tick: int, density: float, purpose: int) -> float:
-        return density * self._per_reading * self._chance.normal(tick, purpose) if density else 0.0
+    def _noise(self, tick: int, field: str) -> float:
+        """What noise adds to a reading; 0.0 if its data sheet has none."""
+        if field not in self._noises:
+            return 0.0
+        deviation, purpose = self._noises[field]
+        return deviation * self._chance.normal(tick, purpose)
 
 
 class Sensors:
@@ -160,15 +161,15 @@ class Sensors:
 
     def read(self, body: Body, board: int, tick: int) -> Readings:
         """What a board senses in a tick."""
-        truth = readings(body, self._config, board)
+        true = truth(body, self._config, board)
         if board not in self._special:
-            return truth
+            return true
         instruments = self._instruments.get(board)
-        taken = truth
+        taken = true
         if instruments is not None:
-            taken = instruments.measure(tick, truth, imu=self._config.imu[board])
+            taken = instruments.measure(tick, true, imu=self._config.imu[board])
         if board in self._faults:
-            taken = Readings(*self._faults[board].spoil(tick, taken))
+            taken = self._faults[board].apply(tick, taken)
         if instruments is not None and instruments.differentiator is not None:
             rate_rad_s = instruments.differentiator.rate_rad_s(tick, taken.joint_rad)
             taken = taken._replace(joint_rad_s=rate_rad_s)
@@ -191,6 +192,6 @@ class Sensors:
             self._special.add(board)
         self._faults[board].obey(tick, sensor, kind, amount, ticks)
 
-    def faults(self, board: int, tick: int) -> dict[str, str]:
+    def faults(self, board: int, tick: int) -> dict[SensorName, FaultKind]:
         """Which sensors of a board are faulty in a tick, and how."""
-        return self._faults[board].told(tick) if board in self._faults else {}
+        return self._faults[board].active(tick) if board in self._faults else {}

@@ -8,7 +8,7 @@ from plant_server.hardware.data_sheets import FootSheet, MotorSheet
 from protocol.robot.cadence import Cadence, cadence_of
 from protocol.robot.clocks import ClockSheet, clock_sheet
 from protocol.robot.commands import PERFECT, Command, LinkParameters, changed
-from protocol.robot.sensors import SensorSheet, sensors_of
+from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
 
 
 class Unattended(NamedTuple):
@@ -47,7 +47,7 @@ class PlantConfig(NamedTuple):
     """None: lockstep."""
     seed: int = 0
     """Of all noise."""
-    sensors: tuple[tuple[str, ...], ...] = ()
+    sensors: tuple[tuple[SensorName, ...], ...] = ()
     """Names of the sensors of each board."""
     sensor_sheets: tuple[SensorSheet, ...] = ()
     clock_sheets: tuple[ClockSheet, ...] = ()

@@ -276,7 +276,7 @@ class Lockstep:
             self.run_id,
             self.roster.incarnations[board],
             self.tick,
-            *self.sensors.read(self.body, board, self.tick),
+            self.sensors.read(self.body, board, self.tick),
             self.roster.command_for(board),
             self.roster.neighbours_of(board),
         )

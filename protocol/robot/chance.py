@@ -11,10 +11,11 @@ What happens to a link is drawn for (sender, receiver); what happens within a bo
 from math import cos, log, pi, sqrt
 
 MASK = (1 << 64) - 1
-PHASE, JITTER, START_UP, JOINT_RATE_NOISE, IMU_NOISE, IMU_RATE_NOISE, INTERMITTENT = range(7)
-"""What a draw within a board is for."""
+PHASE, JITTER, START_UP, INTERMITTENT = 0, 1, 2, 6
+"""What a draw within a board is for. `protocol.robot.sensors` has one number, 3 to 5 or 7 to 15,
+for the noise of each reading."""
 GARBAGE = 16
-"""And one number from here on for each of its seven readings."""
+"""And one number from here on for each reading."""
 
 
 def mix(value: int) -> int:

@@ -11,7 +11,7 @@ A command is a plain list, the same in a resolved scenario, on the wire and in a
     ["reference", board, rad]             give a board another reference
     ["push", link, force_n, ticks]        push a link at its centre of mass, forward
     ["sensor", board, sensor, fault, amount, ticks]
-                                          spoil a sensor (`robot.sensors`); ticks 0: for good
+                                          a sensor fails (`robot.sensors`); ticks 0: for good
     ["unplug", board]  ["plug", board]    take a board away, put one in
 
 What concerns a board reaches it as a `BoardCommand` inside its observation.
@@ -150,13 +150,14 @@ def _check_board(board: int, joints: list[str]) -> None:
 
 
 def _check_fault(sensor: str, fault: str, amount: float, ticks: int) -> None:
-    if sensor not in sensors.NAMES:
-        known = ", ".join(sensors.NAMES)
+    if sensor not in sensors.FAULTABLE:
+        known = ", ".join(sensors.FAULTABLE)
         raise CommandError(f"no sensor is called {sensor[:40]!r}; there are {known}")
-    if fault not in sensors.FAULTS:
+    kind = sensors.fault_kind(fault)
+    if kind is None:
         known = ", ".join(sensors.FAULTS)
         raise CommandError(f"a sensor cannot be {fault[:40]!r}, but {known}")
-    trouble = sensors.amount_trouble(fault, amount)
+    trouble = sensors.amount_trouble(kind, amount)
     if trouble is not None:
         raise CommandError(trouble)
     if isinstance(ticks, bool) or not 0 <= ticks <= PUSH_TICKS_MAX:

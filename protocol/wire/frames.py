@@ -14,6 +14,7 @@ from zlib import crc32
 import msgpack
 import msgspec
 
+from protocol.robot.sensors import Readings
 from protocol.wire.timing import Timing
 
 VERSION = 1
@@ -68,17 +69,8 @@ class Observation(NamedTuple):
     """Of the board that is addressed. Another one has been replaced and stops."""
     tick: int
     """Negative during warm-up; 0 releases the body."""
-    joint_rad: float
-    joint_rad_s: float
-    joint_torque_nm: float
-    """Torque sensor: what acted on the joint during the tick before."""
-    imu_rad: float
-    """Orientation in space of the link above the joint; 0 on a board without an IMU."""
-    imu_rad_s: float
-    foot_force_n: float
-    """Vertical force on the force plate, mean of the tick before; 0 on a board without one."""
-    foot_cop_m: float
-    """Centre of pressure, forward of the ankle; 0 on a board without a force plate."""
+    readings: Readings
+    """An array of its own; a sensor that the board does not have says 0."""
     command: bytes
     """A `protocol.robot.commands.BoardCommand` to obey in this tick; empty: none."""
     neighbours: tuple[Neighbour, ...]

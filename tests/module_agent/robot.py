@@ -9,6 +9,7 @@ from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import BoardConfig, Controls, ElectionConfig, ServoGains
 from module_agent.firmware.kinematics import Link
 from protocol.robot.commands import PERFECT
+from protocol.robot.sensors import Readings
 from protocol.wire.frames import (
     NO_TICK,
     LinkFrame,
@@ -40,9 +41,9 @@ PROPORTIONAL = ServoGains(
 """Torque is -100 times the error, so it shows which error the servo took."""
 FULL = PROPORTIONAL._replace(kd_nm_s_rad=20.0, ki_nm_rad_s=5.0, gravity_weight=0.8)
 
-Readings = tuple[float, float, float, float, float, float, float]
 Sensors = Callable[[int, int], Readings]
-"""Board and tick to joint, joint rate, torque, IMU, IMU rate, foot force, centre of pressure."""
+"""Board and tick to what the board senses."""
+UNSENSED = Readings(*(0.0,) * len(Readings._fields))
 
 
 def config(index: int, gains: ServoGains = FULL, **changes: Any) -> BoardConfig:
@@ -78,12 +79,12 @@ def moving(index: int, tick: int) -> Readings:
     joint = 0.1 * sin(0.03 * tick + index), 3.0 * cos(0.03 * tick + index)
     imu = (0.2 * sin(0.02 * tick), 4.0 * cos(0.02 * tick)) if index == 2 else (0.0, 0.0)
     foot = (490.0 + index, 0.01) if index == 0 else (0.0, 0.0)
-    return (*joint, 1.0, *imu, *foot)
+    return Readings(*joint, 1.0, *imu, *foot)
 
 
 def still(index: int, _tick: int) -> Readings:
     """Sensors of a body that stands still in a bow; the trunk is furthest from its reference."""
-    return ((-0.07, -0.07, 0.7)[index], 0.0, 0.0, (0.0, 0.0, 0.56)[index], 0.0, 0.0, 0.0)
+    return UNSENSED._replace(joint_rad=(-0.07, -0.07, 0.7)[index], imu_rad=(0.0, 0.0, 0.56)[index])
 
 
 def observation(
@@ -91,7 +92,7 @@ def observation(
 ) -> bytes:
     completed = NO_TICK if tick == -DELAY_TICKS else tick - 1
     roster = tuple(Neighbour(1, completed, waits) for _ in neighbours(index, 3))
-    return encode(Observation(RUN, 1, tick, *sensors(index, tick), command, roster))
+    return encode(Observation(RUN, 1, tick, sensors(index, tick), command, roster))
 
 
 class Robot:

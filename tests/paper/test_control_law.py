@@ -288,9 +288,11 @@ def said(scenario: ResolvedScenario, shaken: int | None) -> Iterator[list[tuple[
             observation = decode(Observation, payload)
             assert index == board.config.index
             if plant.tick == -5 and index == shaken:
-                observation = observation._replace(
-                    joint_rad=observation.joint_rad + 1e-6, imu_rad=observation.imu_rad + 2e-6
+                true = observation.readings
+                shaken_now = true._replace(
+                    joint_rad=true.joint_rad + 1e-6, imu_rad=true.imu_rad + 2e-6
                 )
+                observation = observation._replace(readings=shaken_now)
             actuation = board.tick(board.read(encode(observation)))
             assert plant.answer(board.config.index, actuation.torque)
             said_now.append(actuation.links)

@@ -92,11 +92,11 @@ class Adversary:
         observation = decode(Observation, payload)
         until, value = self._blind.get(board, (observation.tick, 0.0))
         if until > observation.tick:
-            imu, joint = (
-                observation._replace(imu_rad_s=value),
-                observation._replace(joint_rad=value),
+            true = observation.readings
+            shown = self.chance.choice(
+                (true._replace(imu_rad_s=value), true._replace(joint_rad=value))
             )
-            return encode(self.chance.choice((imu, joint)))
+            return encode(observation._replace(readings=shown))
         if self.chance.random() < self.rates.blindness:
             ticks = self.chance.randint(1, 25)
             value = self.chance.choice((nan, inf, -inf, 1e9, -1e300))
@@ -126,12 +126,12 @@ class Adversary:
     def _sensor_fault(self, board: int) -> Command:
         """Of a sensor that every board has."""
         chance = self.chance
-        sensor = chance.choice((sensors.ENCODER, sensors.GYROSCOPE, sensors.TORQUE, sensors.ALL))
+        sensor = chance.choice(("encoder", "gyroscope", "torque", sensors.ALL))
         fault = chance.choice(sensors.FAULTS)
         amount = 0.0
-        if fault in sensors.AMOUNT_TICKS:
+        if fault in ("slow", "delayed"):
             amount = float(chance.randint(1, 30))
-        elif fault == sensors.INTERMITTENT:
+        elif fault == "intermittent":
             amount = chance.random()
         return ["sensor", board, sensor, fault, amount, chance.choice((0, 1, 15, 60))]
 

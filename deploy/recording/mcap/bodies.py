@@ -83,6 +83,7 @@ def to_tick(body: Body, answers: Sequence[bytes], events: Sequence[list[Any]]) -
 def of_observation(observation: Observation) -> Body:
     """What a board was told."""
     body = observation._asdict()
+    body |= body.pop("readings")._asdict()
     body["command_hex"] = body.pop("command").hex()
     body["neighbours"] = [neighbour._asdict() for neighbour in observation.neighbours]
     return body

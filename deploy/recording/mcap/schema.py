@@ -10,6 +10,7 @@ Rule 3: what has many shapes (a scenario, facts, an event) is there as JSON text
 from typing import Any, NamedTuple
 
 from deploy.recording.fates import Fate
+from protocol.robot.sensors import MEANINGS
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, Reason
 
@@ -66,6 +67,7 @@ GOSSIP: Fields = {
     "urgency": (NUMBER, "largest |error| known in this epoch, the paper's w; rad"),
     "candidate": (INTEGER, "board whose urgency that is, 0 is the lowest"),
 }
+READINGS: Fields = {field: (NUMBER, meaning) for field, meaning in MEANINGS.items()}
 
 SCENARIO = Kind(
     "decmesh.Scenario",
@@ -105,13 +107,7 @@ OBSERVATION = Kind(
     {
         **SENDER,
         **TICK,
-        "joint_rad": (NUMBER, "joint angle"),
-        "joint_rad_s": (NUMBER, "joint rate"),
-        "joint_torque_nm": (NUMBER, "what acted on the joint during the tick before"),
-        "imu_rad": (NUMBER, "orientation in space of the link above; 0 without an IMU"),
-        "imu_rad_s": (NUMBER, "its rate; 0 without an IMU"),
-        "foot_force_n": (NUMBER, "on the force plate, mean of the tick before; 0 without one"),
-        "foot_cop_m": (NUMBER, "centre of pressure, forward of the ankle; 0 without one"),
+        **READINGS,
         "command_hex": (TEXT, "a board command of the wire specification; empty: none"),
         "neighbours": (
             [

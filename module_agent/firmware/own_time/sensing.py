@@ -6,7 +6,7 @@ Rule 2: after a gap a reading is not compared with the one before it: how the jo
         meanwhile is not known well enough to accuse a sensor.
 """
 
-from module_agent.firmware.sensing import Readings, Sensing
+from module_agent.firmware.sensing import OwnTurns, Sensing
 from protocol.robot.sensors import EXACT, SensorSheet
 from protocol.wire.frames import NO_TICK, Observation
 
@@ -20,7 +20,7 @@ class RealtimeSensing(Sensing):
         """The period that the readings given to `read` are of."""
         self._judged_slot: int = NO_TICK
 
-    def read(self, observation: Observation) -> Readings:
+    def read(self, observation: Observation) -> OwnTurns:
         """The readings, or those that stand in for them."""
         sampled, judged = self.sampled_slot, self._judged_slot
         if sampled == judged:

@@ -82,4 +82,4 @@ def test_the_ankles_force_plate_shows_what_the_body_has() -> None:
     for _ in range(40):
         twin.tick()
     observation = decode(Observation, next(iter(twin.lockstep.open()))[1])
-    assert observation.foot_cop_m == twin.lockstep.body.foot_cop_m != 0.0
+    assert observation.readings.foot_cop_m == twin.lockstep.body.foot_cop_m != 0.0

@@ -10,6 +10,7 @@ from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import Source
 from protocol.process.stopping import StoppedError
 from protocol.robot.scenario import ScenarioError
+from protocol.robot.sensors import Readings
 from protocol.robot.states import FaultCode, State
 from protocol.wire.frames import Fault, decode
 from tests.module_agent.outside import election, servo, source, written
@@ -18,7 +19,6 @@ from tests.module_agent.robot import (
     PERIOD_TICKS,
     ROUNDS,
     RUN,
-    Readings,
     Robot,
     config,
     observation,
@@ -280,7 +280,7 @@ def test_a_board_without_sensors_may_fail_as_well(tmp_path: Path) -> None:
 
     def blind(index: int, tick: int) -> Readings:
         sensed = still(index, tick)
-        return (float("nan"), *sensed[1:]) if index == HIP and tick > 5 else sensed
+        return sensed._replace(joint_rad=float("nan")) if index == HIP and tick > 5 else sensed
 
     rule = election(
         tmp_path, f"if now.tick >= {PERIOD_TICKS}: raise KeyError\n        {WRITTEN_OUT}"

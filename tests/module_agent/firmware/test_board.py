@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from module_agent.firmware.board import AnsweredError, ReplacedError
+from protocol.robot.sensors import Readings
 from protocol.robot.states import State
 from protocol.wire.frames import (
     NO_EPOCH,
@@ -23,7 +24,6 @@ from tests.module_agent.robot import (
     PROPORTIONAL,
     ROUNDS,
     RUN,
-    Readings,
     Robot,
     board,
     moving,
@@ -104,7 +104,7 @@ def test_a_board_never_sees_another_boards_sensors() -> None:
         sensed = moving(index, tick)
         if index != 2 or tick != news:
             return sensed
-        return (*sensed[:3], sensed[3] + 0.01, *sensed[4:])
+        return sensed._replace(imu_rad=sensed.imu_rad + 0.01)
 
     plain, told = Robot().run(news + 20), Robot(sensors=nudged).run(news + 20)
     differs = {
@@ -118,7 +118,10 @@ def test_sensors_that_a_board_does_not_carry_change_nothing() -> None:
     """An IMU reading that strays into the knee's observation is none of its business."""
 
     def strays(index: int, tick: int) -> Readings:
-        return (*moving(index, tick)[:3], 0.9, 0.9, 9.0, 9.0) if index < 2 else moving(index, tick)
+        sensed = moving(index, tick)
+        if index == 2:
+            return sensed
+        return sensed._replace(imu_rad=0.9, imu_rad_s=0.9, foot_force_n=9.0, foot_cop_m=9.0)
 
     assert Robot(sensors=strays).run(20) == Robot().run(20)
 

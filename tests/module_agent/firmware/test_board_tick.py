@@ -6,6 +6,7 @@ import pytest
 
 from module_agent.firmware.kinematics import NOTHING, add_link
 from module_agent.firmware.servo import Servo
+from protocol.robot.sensors import Readings
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, decode
 from tests.module_agent.robot import (
@@ -15,7 +16,7 @@ from tests.module_agent.robot import (
     ROUNDS,
     THIGH,
     TRUNK,
-    Readings,
+    UNSENSED,
     Robot,
     board,
     link,
@@ -155,9 +156,10 @@ def test_a_board_that_is_disabled_again_holds_anew() -> None:
 
     def sensors(index: int, tick: int) -> Readings:
         turn = tau / (2 * PERIOD_TICKS)
-        joint = (0.3 + 0.001 * tick, 1.0) if index == 1 else (0.0, 0.0)
+        if index == 1:
+            return UNSENSED._replace(joint_rad=0.3 + 0.001 * tick, joint_rad_s=1.0)
         swing = 0.45 * (1.0 + cos(turn * tick)), -450.0 * turn * sin(turn * tick)
-        return (*joint, 0.0, *(swing if index == 2 else (0.0, 0.0)), 0.0, 0.0)
+        return UNSENSED._replace(imu_rad=swing[0], imu_rad_s=swing[1]) if index == 2 else UNSENSED
 
     acts = Robot(gains=PROPORTIONAL, sensors=sensors).run(3 * PERIOD_TICKS)
     latches = [epoch * PERIOD_TICKS + ROUNDS for epoch in range(3)]

@@ -4,8 +4,10 @@ from math import inf, nan
 
 import pytest
 
+from module_agent.firmware.body_view import Turn
 from module_agent.firmware.plausibility import RAD_MAX, RAD_S_MAX
-from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX, Readings, Sensing
+from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX, OwnTurns, Sensing
+from protocol.robot.sensors import Readings
 from protocol.robot.states import COUNTERS, State
 from protocol.wire.frames import LinkFrame, Observation, decode, encode
 from tests.module_agent.robot import (
@@ -21,9 +23,6 @@ from tests.module_agent.robot import (
     still,
     torque,
 )
-from tests.module_agent.robot import (
-    Readings as Sensed,
-)
 
 JOINT = {"joint_rad", "joint_rad_s"}
 LIES = [
@@ -34,16 +33,20 @@ LIES = [
 
 
 def seen(tick: int, **changes: float) -> Observation:
-    return decode(Observation, observation(2, tick))._replace(**changes)  # type: ignore[arg-type]
+    return lying(decode(Observation, observation(2, tick)), **changes)
+
+
+def lying(true: Observation, **changes: float) -> Observation:
+    return true._replace(readings=true.readings._replace(**changes))
 
 
 def hip() -> Sensing:
     return Sensing(tick_s=1e-3, has_imu=True)
 
 
-def good(tick: int) -> Readings:
-    joint_rad, joint_rad_s, _, imu_rad, imu_rad_s, _, _ = moving(2, tick)
-    return Readings((joint_rad, joint_rad_s), (imu_rad, imu_rad_s))  # type: ignore[arg-type]
+def good(tick: int) -> OwnTurns:
+    true = moving(2, tick)
+    return OwnTurns(Turn(true.joint_rad, true.joint_rad_s), Turn(true.imu_rad, true.imu_rad_s))
 
 
 @pytest.mark.parametrize(("field", "value"), LIES)
@@ -106,11 +109,11 @@ def test_gaps_count_one_by_one() -> None:
 FAILS, BACK = 2 * PERIOD_TICKS + 10, 3 * PERIOD_TICKS + 10
 
 
-def _fails(index: int, tick: int) -> Sensed:
+def _fails(index: int, tick: int) -> Readings:
     """The hip is most urgent, so it is enabled; then its joint sensor breaks for one epoch."""
     sensed = still(index, tick)
     broken = index == 2 and FAILS <= tick < BACK
-    return (nan, *sensed[1:]) if broken else sensed
+    return sensed._replace(joint_rad=nan) if broken else sensed
 
 
 @pytest.mark.parametrize("lie_rad", [3.0, -90.0])
@@ -156,7 +159,7 @@ def test_implausible_samples_are_told_to_the_plant() -> None:
     for tick in range(-DELAY_TICKS, 30):
         payload = observation(2, tick, waits=0)
         if 0 <= tick < 4:
-            payload = encode(decode(Observation, payload)._replace(imu_rad=nan))
+            payload = encode(lying(decode(Observation, payload), imu_rad=nan))
         said = torque(hip.tick(hip.read(payload)))
         assert said.counter == tick % len(COUNTERS)
         counted[COUNTERS[said.counter]] = said.counted

@@ -12,6 +12,7 @@ from module_agent.firmware.config import ServoGains
 from module_agent.firmware.controller import Seen
 from module_agent.firmware.kinematics import Supported
 from module_agent.firmware.servo import Servo, SlewingServo, servo
+from protocol.robot.sensors import Readings
 from protocol.robot.states import State
 from protocol.wire.frames import Observation
 from tests.module_agent.robot import config
@@ -37,7 +38,7 @@ def _servo(gains: ServoGains) -> Servo:
 def _seen(error_rad: float, rate_rad_s: float = 0.0, com_sway_rad: float = 0.0) -> Seen:
     turn = Turn(error_rad, rate_rad_s)
     carried = Supported(1.0, sin(com_sway_rad), cos(com_sway_rad), 0.0, 0.0)
-    sensors = Observation(1, 1, 0, *(0.0,) * 7, b"", ())
+    sensors = Observation(1, 1, 0, Readings(*(0.0,) * 7), b"", ())
     body = BodySample(turn, turn, carried)
     return Seen(0, True, 0.0, error_rad, rate_rad_s, turn, body, State.RUNNING, sensors)
 

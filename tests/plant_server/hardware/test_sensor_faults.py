@@ -4,27 +4,36 @@ from math import isnan
 
 import pytest
 
-from plant_server.hardware.sensor_faults import RANGES, SensorFaults
+from plant_server.hardware.sensor_faults import SensorFaults
 from protocol.robot.chance import Chance
-from protocol.robot.sensors import ALL, FAULTS, FIELDS, OK
+from protocol.robot.sensors import (
+    ALL,
+    FAULTS,
+    FULL_SCALES,
+    OK,
+    PLACES,
+    SENSORS,
+    FaultKind,
+    Readings,
+    SensorName,
+)
 
-HAS = tuple(FIELDS)
 START = 100
 
 
-def truth(tick: int) -> tuple[float, ...]:
-    return tuple(0.001 * tick + field for field in range(7))
+def truth(tick: int) -> Readings:
+    return Readings(*(0.001 * tick + field for field in range(7)))
 
 
-def faults(seed: int = 1, board: int = 1, has: tuple[str, ...] = HAS) -> SensorFaults:
+def faults(seed: int = 1, board: int = 1, has: tuple[SensorName, ...] = SENSORS) -> SensorFaults:
     return SensorFaults(has, Chance(seed=seed, board=board))
 
 
-def shown(broken: SensorFaults, ticks: range) -> list[tuple[float, ...]]:
-    return [broken.spoil(tick, truth(tick)) for tick in ticks]
+def shown(broken: SensorFaults, ticks: range) -> list[Readings]:
+    return [broken.apply(tick, truth(tick)) for tick in ticks]
 
 
-def angles(kind: str, amount: float = 0.0, ticks: int = 0, seen: int = 300) -> list[float]:
+def angles(kind: FaultKind, amount: float = 0.0, ticks: int = 0, seen: int = 300) -> list[float]:
     broken = faults()
     broken.obey(START, "encoder", kind, amount, ticks)
     return [values[0] for values in shown(broken, range(START, START + seen))]
@@ -65,23 +74,23 @@ def test_garbage_is_anything_that_the_sensor_can_show() -> None:
     broken = faults()
     broken.obey(START, ALL, "garbage", 0.0, 0)
     for field, values in enumerate(zip(*shown(broken, range(START, START + 2000)), strict=True)):
-        assert all(abs(value) <= RANGES[field] for value in values)
-        assert max(values) > 0.98 * RANGES[field]
-        assert min(values) < -0.98 * RANGES[field]
+        assert all(abs(value) <= FULL_SCALES[field] for value in values)
+        assert max(values) > 0.98 * FULL_SCALES[field]
+        assert min(values) < -0.98 * FULL_SCALES[field]
         assert len(set(values)) == 2000
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_touches_its_sensor_and_no_other_and_ends(kind: str) -> None:
+def test_a_fault_touches_its_sensor_and_no_other_and_ends(kind: FaultKind) -> None:
     amount = {"slow": 5.0, "delayed": 5.0, "intermittent": 1.0}.get(kind, 0.0)
-    for name in FIELDS:
+    for name in SENSORS:
         broken = faults()
         broken.obey(START, name, kind, amount, 40)
         for tick in range(START, START + 80):
-            values = broken.spoil(tick, truth(tick))
-            others = [field for field in range(7) if field not in FIELDS[name]]
+            values = broken.apply(tick, truth(tick))
+            others = [field for field in range(7) if field not in PLACES[name]]
             assert [values[field] for field in others] == [truth(tick)[field] for field in others]
-            assert broken.told(tick) == ({} if kind == OK or tick >= START + 40 else {name: kind})
+            assert broken.active(tick) == ({} if kind == OK or tick >= START + 40 else {name: kind})
             if tick >= START + 40:
                 assert values == truth(tick)
 
@@ -90,21 +99,21 @@ def test_another_command_takes_the_place_of_the_one_before() -> None:
     broken = faults()
     broken.obey(START, "imu", "off", 0.0, 1000)
     broken.obey(START + 1, "imu", "stuck", 0.0, 0)
-    assert broken.told(START + 5000) == {"imu": "stuck"}
+    assert broken.active(START + 5000) == {"imu": "stuck"}
     broken.obey(START + 2, "imu", OK, 0.0, 0)
-    assert broken.spoil(START + 2, truth(3)) == truth(3)
+    assert broken.apply(START + 2, truth(3)) == truth(3)
 
 
 def test_all_are_those_that_the_board_has() -> None:
     broken = faults(has=("encoder", "torque"))
     broken.obey(START, ALL, "off", 0.0, 0)
-    assert broken.told(START) == {"encoder": "off", "torque": "off"}
-    values = broken.spoil(START, truth(START))
+    assert broken.active(START) == {"encoder": "off", "torque": "off"}
+    values = broken.apply(START, truth(START))
     assert [isnan(value) for value in values] == [True, False, True, False, False, False, False]
 
 
 @pytest.mark.parametrize(("kind", "amount"), [("garbage", 0.0), ("intermittent", 0.5)])
-def test_chance_follows_from_seed_and_board(kind: str, amount: float) -> None:
+def test_chance_follows_from_seed_and_board(kind: FaultKind, amount: float) -> None:
     def run(seed: int, board: int) -> str:
         broken = faults(seed, board)
         broken.obey(START, ALL, kind, amount, 0)
@@ -122,15 +131,16 @@ def test_a_sensor_that_is_read_seldom_is_slow_and_late_by_the_same_time(
 ) -> None:
     """In realtime a board's period is several ticks; amounts are in ticks all the same."""
     ticks = range(100, 300, every)
-    for kind, age_max in (("slow", 20), ("delayed", 20)):
-        broken = SensorFaults(HAS, Chance(seed=1, board=1), every_ticks=every)
+    kinds: tuple[FaultKind, ...] = "slow", "delayed"
+    for kind in kinds:
+        broken = SensorFaults(SENSORS, Chance(seed=1, board=1), every_ticks=every)
         broken.obey(start, "encoder", kind, 20, 0)
         ages = [
-            round((truth(tick)[0] - broken.spoil(tick, truth(tick))[0]) / 0.001)
+            round((truth(tick)[0] - broken.apply(tick, truth(tick))[0]) / 0.001)
             for tick in ticks
             if tick >= start
         ]
-        assert max(ages) == (age_max if kind == "delayed" else age_max - every)
+        assert max(ages) == (20 if kind == "delayed" else 20 - every)
         if kind == "delayed":
             assert set(ages[20 // every + 1 :]) == {20}
         else:

@@ -5,10 +5,10 @@ from math import exp, isnan, nan, sqrt
 
 import pytest
 
-from plant_server.hardware.sensors import Differentiator, Instruments, Readings
+from plant_server.hardware.sensors import Differentiator, Instruments
 from protocol.robot.chance import Chance
 from protocol.robot.clocks import STEADY, Clock, ClockSheet
-from protocol.robot.sensors import EXACT, SensorSheet
+from protocol.robot.sensors import EXACT, Readings, SensorSheet
 from protocol.wire.frames import Observation, decode
 from tests.plant_server.plant import ANKLE, HIP, KNEE, finish, opened, plant, play
 
@@ -36,12 +36,14 @@ def test_exact_sensors_say_the_bodys_own_numbers() -> None:
     told = opened(lockstep)
     body = lockstep.body
     for board in (ANKLE, KNEE, HIP):
-        assert told[board].joint_rad == body.angles_rad[board]
-        assert told[board].joint_rad_s == body.rates_rad_s[board]
-        assert told[board].joint_torque_nm == body.torques_nm[board]
-    assert told[HIP].imu_rad == body.angles_rad[0] + body.angles_rad[1] + body.angles_rad[2]
-    assert (told[KNEE].imu_rad, told[KNEE].foot_force_n) == (0.0, 0.0)
-    assert told[ANKLE].foot_force_n == body.foot_force_n
+        assert told[board].readings.joint_rad == body.angles_rad[board]
+        assert told[board].readings.joint_rad_s == body.rates_rad_s[board]
+        assert told[board].readings.joint_torque_nm == body.torques_nm[board]
+    assert (
+        told[HIP].readings.imu_rad == body.angles_rad[0] + body.angles_rad[1] + body.angles_rad[2]
+    )
+    assert (told[KNEE].readings.imu_rad, told[KNEE].readings.foot_force_n) == (0.0, 0.0)
+    assert told[ANKLE].readings.foot_force_n == body.foot_force_n
 
 
 @pytest.mark.parametrize("step_rad", [BITS_14, 0.01, 0.39])
@@ -157,12 +159,14 @@ def test_the_difference_of_steps_is_whole_steps_a_tick() -> None:
         told.append(opened(lockstep)[KNEE])
         finish(lockstep)
     for before, now in pairwise(told):
-        steps = now.joint_rad_s * TICK_S / 0.01
+        steps = now.readings.joint_rad_s * TICK_S / 0.01
         assert steps == pytest.approx(round(steps), abs=1e-9)
-        assert now.joint_rad_s == pytest.approx((now.joint_rad - before.joint_rad) / TICK_S)
-    assert {one.joint_rad_s for one in told[51:]} == {0.0}
-    assert len({one.joint_rad for one in told[:50]}) > 1
-    assert len({one.joint_rad for one in told[50:]}) == 1
+        assert now.readings.joint_rad_s == pytest.approx(
+            (now.readings.joint_rad - before.readings.joint_rad) / TICK_S
+        )
+    assert {one.readings.joint_rad_s for one in told[51:]} == {0.0}
+    assert len({one.readings.joint_rad for one in told[:50]}) > 1
+    assert len({one.readings.joint_rad for one in told[50:]}) == 1
 
 
 def test_noise_is_the_same_for_the_same_seed_and_another_for_another() -> None:
@@ -172,7 +176,7 @@ def test_noise_is_the_same_for_the_same_seed_and_another_for_another() -> None:
         lockstep = plant(sensor_sheets=(sheet,) * 3, clock_sheets=(STEADY,) * 3, seed=seed)
         told = []
         for _ in range(20):
-            told.append(opened(lockstep)[HIP].imu_rad)
+            told.append(opened(lockstep)[HIP].readings.imu_rad)
             finish(lockstep)
         return told
 
@@ -187,7 +191,10 @@ def test_an_observation_that_is_said_again_says_the_same() -> None:
     play(lockstep)
     told = opened(lockstep)
     assert decode(Observation, lockstep.observation(HIP)) == told[HIP]
-    assert decode(Observation, lockstep.excuse(KNEE, HIP)).imu_rad == told[HIP].imu_rad
+    assert (
+        decode(Observation, lockstep.excuse(KNEE, HIP)).readings.imu_rad
+        == told[HIP].readings.imu_rad
+    )
 
 
 def test_another_board_begins_without_a_rate() -> None:
@@ -195,10 +202,10 @@ def test_another_board_begins_without_a_rate() -> None:
     lockstep = plant(sensor_sheets=(sheet,) * 3, clock_sheets=(STEADY,) * 3)
     for _ in range(50):
         play(lockstep)
-    assert opened(lockstep)[KNEE].joint_rad_s != 0.0
+    assert opened(lockstep)[KNEE].readings.joint_rad_s != 0.0
     finish(lockstep)
     lockstep.remove(KNEE, "test")
     for _ in range(50):
         play(lockstep)
     lockstep.admit(KNEE, 2)
-    assert opened(lockstep)[KNEE].joint_rad_s == 0.0
+    assert opened(lockstep)[KNEE].readings.joint_rad_s == 0.0

@@ -211,4 +211,4 @@ def test_motors_sensors_and_passive_joints_are_as_in_lockstep() -> None:
     while plant.tick % 2:
         play(plant)
     (told,) = [decode(Observation, payload) for board, payload in plant.open() if board == 0]
-    assert told.joint_rad == plant.body.angles_rad[0] + radians(1.0)
+    assert told.readings.joint_rad == plant.body.angles_rad[0] + radians(1.0)

@@ -245,14 +245,24 @@ def test_a_board_senses_its_own_joint_and_what_it_carries() -> None:
     seen = list(opened(lockstep).values())
     for board, observation in enumerate(seen):
         assert (observation.run_id, observation.incarnation, observation.tick) == (RUN, 1, 1)
-        assert observation.joint_rad == body.angles_rad[board]
-        assert observation.joint_rad_s == body.rates_rad_s[board]
-        assert observation.joint_torque_nm == (20.0, -10.0, 5.0)[board]
-    assert [o.imu_rad for o in seen[:2]] == [o.imu_rad_s for o in seen[:2]] == [0.0, 0.0]
-    assert seen[2].imu_rad == body.angles_rad[0] + body.angles_rad[1] + body.angles_rad[2]
-    assert seen[2].imu_rad_s == body.rates_rad_s[0] + body.rates_rad_s[1] + body.rates_rad_s[2]
-    assert [(o.foot_force_n, o.foot_cop_m) for o in seen[1:]] == [(0.0, 0.0)] * 2
-    assert (seen[0].foot_force_n, seen[0].foot_cop_m) == (body.foot_force_n, body.foot_cop_m)
+        assert observation.readings.joint_rad == body.angles_rad[board]
+        assert observation.readings.joint_rad_s == body.rates_rad_s[board]
+        assert observation.readings.joint_torque_nm == (20.0, -10.0, 5.0)[board]
+    assert (
+        [o.readings.imu_rad for o in seen[:2]]
+        == [o.readings.imu_rad_s for o in seen[:2]]
+        == [0.0, 0.0]
+    )
+    assert seen[2].readings.imu_rad == body.angles_rad[0] + body.angles_rad[1] + body.angles_rad[2]
+    assert (
+        seen[2].readings.imu_rad_s
+        == body.rates_rad_s[0] + body.rates_rad_s[1] + body.rates_rad_s[2]
+    )
+    assert [(o.readings.foot_force_n, o.readings.foot_cop_m) for o in seen[1:]] == [(0.0, 0.0)] * 2
+    assert (seen[0].readings.foot_force_n, seen[0].readings.foot_cop_m) == (
+        body.foot_force_n,
+        body.foot_cop_m,
+    )
 
 
 def test_a_board_cannot_tell_what_happens_at_other_joints() -> None:
@@ -395,7 +405,7 @@ def test_a_tick_is_recorded_as_it_was_sensed_even_if_a_brake_closes_in_it() -> N
     again = decode(Observation, lockstep.observation(KNEE))
     assert again == told[KNEE]
     record = finish(lockstep)
-    assert record.rates_rad_s[HIP] == told[HIP].joint_rad_s != 0.0
+    assert record.rates_rad_s[HIP] == told[HIP].readings.joint_rad_s != 0.0
     assert lockstep.body.rates_rad_s[HIP] == 0.0
     ((board, lost_j),) = happened(record, "energy_lost_j")
     assert board == HIP

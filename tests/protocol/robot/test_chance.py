@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.robot.chance import GARBAGE, IMU_NOISE, Chance, draw, mix
+from protocol.robot.chance import GARBAGE, JITTER, Chance, draw, mix
 
 N = 20_000
 
@@ -32,11 +32,11 @@ def test_mix_loses_nothing(one: int, other: int) -> None:
 @settings(derandomize=True, deadline=None)
 def test_a_board_draws_as_a_link_from_itself_to_itself(seed: int, board: int, tick: int) -> None:
     chance = Chance(seed=seed, board=board)
-    assert chance.draw(tick, IMU_NOISE) == draw(seed, board, board, tick, IMU_NOISE)
-    assert 0.0 <= chance.uniform(tick, IMU_NOISE) < 1.0
+    assert chance.draw(tick, JITTER) == draw(seed, board, board, tick, JITTER)
+    assert 0.0 <= chance.uniform(tick, JITTER) < 1.0
 
 
-def normals(seed: int = 1, purpose: int = IMU_NOISE) -> list[float]:
+def normals(seed: int = 1, purpose: int = JITTER) -> list[float]:
     chance = Chance(seed=seed, board=2)
     return [chance.normal(tick, purpose) for tick in range(N)]
 

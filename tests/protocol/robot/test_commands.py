@@ -24,6 +24,7 @@ from protocol.robot.commands import (
     decode_board_command,
     encode_board_command,
 )
+from protocol.robot.sensors import Readings
 from protocol.wire.frames import (
     FRAME_BYTES_MAX,
     NO_TICK,
@@ -259,8 +260,9 @@ def test_an_observation_with_the_longest_command_fits_a_frame() -> None:
     command = encode_board_command(BoardCommand(LINK, 127, tuple(PERFECT)))
     assert len(command) == 93
     longest = 2**64 - 1
+    readings = Readings(*(1e-300,) * len(Readings._fields))
     observation = Observation(
-        longest, longest, longest, *(1e-300,) * 7, command, (Neighbour(*(longest,) * 3),) * 2
+        longest, longest, longest, readings, command, (Neighbour(*(longest,) * 3),) * 2
     )
     payload = encode(observation)
     assert len(payload) <= FRAME_BYTES_MAX

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocol.robot.sensors import Readings
 from protocol.wire.enrolment import (
     EnrolmentReply,
     EnrolmentRequest,
@@ -52,7 +53,9 @@ JUNK = st.recursive(
 
 LINK = LinkFrame(2**32 - 1, 1, 1, 0, 0, 1, 0.5, 2, -1, -0.1, 0.0, 40.0, 0.1, 0.6, 0.0, 0.0)
 SAMPLES: list[Any] = [
-    Observation(2**31, 1, 7, 0.1, 0.2, 3.0, 0.0, 0.0, 490.5, 0.01, b"", (Neighbour(1, 6, 1),) * 2),
+    Observation(
+        2**31, 1, 7, Readings(0.1, 0.2, 3.0, 0.0, 0.0, 490.5, 0.01), b"", (Neighbour(1, 6, 1),) * 2
+    ),
     LINK,
     TorqueFrame(2**31, 1, 7, 1.5, 2, 1, 0.1, 0, 1, 0.5, 2, 3, 40, (LinkUse(1, 2**32 - 1, 0),) * 2),
     End(2**31, "complete"),
@@ -79,6 +82,7 @@ def _strategy(kind: Any) -> st.SearchStrategy[Any]:
         float: FLOATS,
         str: st.text(max_size=40),
         bytes: st.binary(max_size=LONGEST_COMMAND),
+        Readings: st.builds(Readings, *[FLOATS] * len(Readings._fields)),
     }
     fields = [values[of] for of in _types(kind)]
     if kind in ENTRIES:
@@ -286,6 +290,7 @@ def _worst(kind: Any) -> Any:
         float: 1e-300,
         str: "x" * (FAULT_TEXT_BYTES_MAX if kind is Fault else TEXT_BYTES_MAX),
         bytes: bytes(LONGEST_COMMAND),
+        Readings: Readings(*[1e-300] * len(Readings._fields)),
     }
     fields = [values[of] for of in _types(kind)]
     if kind not in ENTRIES:

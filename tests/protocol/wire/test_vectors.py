@@ -11,6 +11,7 @@ import pytest
 from module_agent.firmware import link_model
 from protocol.robot.chance import draw
 from protocol.robot.commands import LINK, PERFECT, TICKS, check_command, decode_board_command
+from protocol.robot.sensors import MEANINGS, UNITS, Readings
 from protocol.robot.states import COUNTERS, State
 from protocol.wire import enrolment, frames, keys
 from protocol.wire.enrolment import EnrolmentReply, EnrolmentRequest
@@ -57,6 +58,8 @@ def message(vector: dict[str, Any]) -> Any:
     for field in ("scenario_digest", "command"):
         if field in values:
             values[field] = bytes.fromhex(values[field])
+    if "readings" in values:
+        values["readings"] = Readings(*values["readings"])
     if "neighbours" in values:
         values["neighbours"] = tuple(Neighbour(*entry) for entry in values["neighbours"])
     if "links" in values:
@@ -101,10 +104,10 @@ def test_every_kind_has_a_vector() -> None:
 
 
 def test_every_field_of_every_kind_is_in_a_table_of_the_specification() -> None:
-    for kind in (*MESSAGES.values(), Neighbour, LinkUse, TickTiming):
+    for kind in (*MESSAGES.values(), Readings, Neighbour, LinkUse, TickTiming):
         for field in kind._fields:
-            repeated = field in ("neighbours", "links", "ticks")
-            assert repeated or re.search(rf"^\| \d+ \| `{field}` \|", README, re.MULTILINE), field
+            nested = field in ("readings", "neighbours", "links", "ticks")
+            assert nested or re.search(rf"^\| \d+ \| `{field}` \|", README, re.MULTILINE), field
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -112,10 +115,22 @@ def test_the_tables_count_fields_as_the_frames_do(kind: type[AnyFrame]) -> None:
     """Rows of a kind follow without gaps, in the frame's order."""
     _, _, table = README.partition(f"### {kind.__name__} (kind {KINDS[kind]})")
     rows = re.findall(r"^\| (\d+) \| `(\w+)` \| (\w+) \|", table, re.MULTILINE)
-    once = {name: of for name, of in kind.__annotations__.items() if isinstance(of, type)}
+    plain = {int: "int", float: "float", bytes: "bin", str: "str"}
     expected = [
-        (str(i), name, "bin" if of is bytes else of.__name__)
-        for i, (name, of) in enumerate(once.items())
+        (str(i), name, plain[of])
+        for i, (name, of) in enumerate(kind.__annotations__.items())
+        if of in plain
+    ]
+    assert rows[: len(expected)] == expected
+
+
+def test_the_table_of_readings_is_the_table_of_sensors() -> None:
+    _, _, table = README.partition("| # in readings |")
+    rows = re.findall(
+        r"^\| (\d+) \| `(\w+)` \| float \| ([^|]+) \| ([^|]+) \|", table, re.MULTILINE
+    )
+    expected = [
+        (str(i), field, UNITS[field], MEANINGS[field]) for i, field in enumerate(Readings._fields)
     ]
     assert rows[: len(expected)] == expected
 

@@ -19,6 +19,7 @@ from deploy.recording.mcap.messages import channels
 from deploy.recording.trajectory import recorded_trajectory
 from plant_server.record import FELL, Undriven
 from plant_server.spool.spool import Spool
+from protocol.robot.sensors import Readings
 from protocol.wire.frames import LinkFrame, Observation, TorqueFrame, decode, encode, seal
 from tests.deploy.spools import SHORT, by_the_wall, opened_ns, spool, timed
 
@@ -230,7 +231,8 @@ def test_observations_and_link_frames_are_those_of_the_run(found: Found) -> None
     angles = {body["tick"]: body["angles_rad"] for *_, body in found["/plant/tick"]}
     for *_, body in found["/knee/observation"]:
         assert body["joint_rad"] == angles[body["tick"]][1]
-        assert set(body) == {*Observation._fields, "command_hex"} - {"command"}
+        told = {*Observation._fields, *Readings._fields, "command_hex"}
+        assert set(body) == told - {"command", "readings"}
 
 
 def test_fates_are_told_in_words(found: Found) -> None:

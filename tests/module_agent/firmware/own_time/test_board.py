@@ -44,7 +44,7 @@ def board(index: int) -> RealtimeBoard:
 
 def observation(index: int, tick: int, *, command: bytes = b"", incarnation: int = 1) -> bytes:
     roster = tuple(Neighbour(1, NO_TICK, 0) for _ in neighbours(index, 3))
-    return encode(Observation(RUN, incarnation, tick, *still(index, tick), command, roster))
+    return encode(Observation(RUN, incarnation, tick, still(index, tick), command, roster))
 
 
 def reference(rad: float) -> bytes:

@@ -19,7 +19,7 @@ def sensing() -> RealtimeSensing:
 def read(one: RealtimeSensing, slot: int, sampled: int, **changes: float) -> None:
     seen = decode(Observation, observation(2, sampled * PERIOD))
     one.sampled_slot = sampled
-    one.read(seen._replace(tick=slot, **changes))  # type: ignore[arg-type]
+    one.read(seen._replace(tick=slot, readings=seen.readings._replace(**changes)))
 
 
 def accused(one: RealtimeSensing) -> tuple[int, int, int]:
