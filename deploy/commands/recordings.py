@@ -48,7 +48,8 @@ def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
     """
     # Numpy and the libraries of files are needed only now.
     from deploy.recording.differences import first_difference  # noqa: PLC0415
-    from deploy.recording.files import read_spool_of, recording_file  # noqa: PLC0415
+    from deploy.recording.files import recording_file  # noqa: PLC0415
+    from deploy.recording.spools import read_spool_of  # noqa: PLC0415
 
     file = recording_file(recording)
     spool = read_spool_of(file)
@@ -133,9 +134,9 @@ def recover(
 
     Example: decmesh recover runs/storm-20260101-120000
     """
-    from deploy.recording.files import read_spool_of  # noqa: PLC0415 - as above
     from deploy.recording.logical_digest import logical_sha256  # noqa: PLC0415 - as above
     from deploy.recording.recovery import places, rescue  # noqa: PLC0415 - as above
+    from deploy.recording.spools import read_spool_of  # noqa: PLC0415 - as above
 
     source, target = places(recording, out_folder)
     spool = read_spool_of(source, whole=False)
@@ -160,9 +161,9 @@ def export(
 
     Example: decmesh export runs/storm-20260101-120000 --to csv
     """
-    from deploy.recording.arrays import read_recording  # noqa: PLC0415 - as above
     from deploy.recording.export import tables, write_tables  # noqa: PLC0415 - as above
     from deploy.recording.files import recording_file  # noqa: PLC0415 - as above
+    from deploy.recording.reading import read_recording  # noqa: PLC0415 - as above
 
     found = read_recording(recording)
     folder = out_folder or recording_file(recording).parent

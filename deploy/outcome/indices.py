@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deploy.recording.epochs import NOT_KNOWN, epochs
+from deploy.recording.epochs import NOT_KNOWN, Epochs, epochs
 from deploy.recording.trajectory import Floats, Integers, Trajectory
 
 SAMPLES_PER_S = 100
@@ -180,8 +180,11 @@ def elections(trajectory: Trajectory) -> Elections | None:
     Agreement is the first round after which all members of an epoch know its maximum.
     """
     found = epochs(trajectory)
-    if found is None:
-        return None
+    return None if found is None else counted(found)
+
+
+def counted(found: Epochs) -> Elections:
+    """The same of epochs that are known already."""
     taken = Counter(found.agreed_after.tolist())
     enabled = Counter(found.enabled_boards.tolist())
     return Elections(

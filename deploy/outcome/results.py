@@ -18,10 +18,11 @@ from deploy.outcome import figures
 from deploy.outcome.realtime_table import realtime_table
 from deploy.outcome.summary import Mode, Summary, summary, write_summary
 from deploy.outcome.table_ii import report
-from deploy.recording.files import MCAP, read_spool_of
+from deploy.recording.files import MCAP
 from deploy.recording.logical_digest import logical_sha256
 from deploy.recording.realtime_times import realtime_times
 from deploy.recording.recovery import rescue
+from deploy.recording.spools import read_spool_of
 from deploy.recording.trajectory import Trajectory, recorded_trajectory
 from plant_server.spool.spool import Spool, read_spool
 

@@ -36,8 +36,9 @@ from typing import Any, Literal
 import numpy as np
 
 from deploy.outcome.foot_margin import foot_margin
-from deploy.outcome.indices import all_indices, elections, energy
+from deploy.outcome.indices import all_indices, counted, elections, energy
 from deploy.outcome.realtime_summary import realtime_summary
+from deploy.recording.epochs import Epochs
 from deploy.recording.realtime_times import RealtimeTimes
 from deploy.recording.trajectory import Trajectory
 from plant_server.spool.facts import versions
@@ -52,10 +53,15 @@ def summary(
     mode: Mode,
     logical_sha256: str | None = None,
     realtime: RealtimeTimes | None = None,
+    epochs: Epochs | None = None,
 ) -> Summary:
-    """Sum up a run; the page above lists the keys. The digest is that of its recording."""
+    """Sum up a run; the page above lists the keys. The digest is that of its recording.
+
+    Epochs are found in the trajectory, unless the recording has named them already.
+    """
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
-    agreed, foot = elections(trajectory), foot_margin(trajectory)
+    agreed = elections(trajectory) if epochs is None else counted(epochs)
+    foot = foot_margin(trajectory)
     values = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],

@@ -10,7 +10,7 @@ Rule 4: in realtime there is no barrier, and so no tick in which all have played
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,21 @@ class Epochs:
     """After how many rounds all members knew it, or `NOT_KNOWN`, (E,)."""
     enabled: NDArray[np.bool_]
     """Which members were enabled after the last round, (E, N)."""
+
+    @classmethod
+    def unknown(cls, epochs: int, boards: int) -> Self:
+        """So many epochs without members, to be filled in."""
+        shape = epochs, boards
+        return cls(
+            number=np.zeros(epochs, np.int64),
+            first_tick=np.zeros(epochs, np.int64),
+            latch_tick=np.zeros(epochs, np.int64),
+            members=np.zeros(shape, np.bool_),
+            w_rad=np.full(shape, np.nan),
+            known_after=np.full(shape, NOT_KNOWN, np.int64),
+            agreed_after=np.full(epochs, NOT_KNOWN, np.int64),
+            enabled=np.zeros(shape, np.bool_),
+        )
 
     @property
     def enabled_boards(self) -> Integers:

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from deploy.failure import FailedError
 from deploy.recording.arrays import Recording
-from deploy.recording.epochs import epochs
-from deploy.recording.fates import Fate
+from deploy.recording.frame_fate import FrameFate
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.states import State
 
@@ -81,7 +80,7 @@ def _ticks(recording: Recording) -> Iterator[tuple[str, Column]]:
     yield "plant_closed_ns", recording.closed_ns
     for (sender, receiver), frames in recording.links.items():
         link_name = f"{run.joints[sender]}_to_{run.joints[receiver]}"
-        yield f"{link_name}_fate", _words(frames.fate, Fate)
+        yield f"{link_name}_fate", _words(frames.fate, FrameFate)
         yield f"{link_name}_heard_tick", frames.heard_tick
         yield f"{link_name}_size_bytes", frames.frame_bytes
         yield f"{link_name}_sent_ns", frames.sent_ns
@@ -89,7 +88,7 @@ def _ticks(recording: Recording) -> Iterator[tuple[str, Column]]:
 
 
 def _epochs(recording: Recording) -> Iterator[tuple[str, Column]]:
-    found = epochs(recording.trajectory)
+    found = recording.epochs
     if found is None:
         return
     yield "epoch", found.number

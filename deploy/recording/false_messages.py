@@ -12,34 +12,35 @@ from typing import IO, Any, NamedTuple
 import orjson
 
 from deploy.recording.differences import NOTHING, Difference
-from deploy.recording.mcap.file import Content, contents, dump
-from deploy.recording.mcap.messages import Telling
+from deploy.recording.mcap.contents import Content, contents
+from deploy.recording.mcap.file import dump
+from deploy.recording.mcap.messages import RecordingMessages
 from deploy.recording.trajectory import recorded_trajectory
 from plant_server.spool.spool import Spool
 
 
-class _Made(NamedTuple):
+class _Expected(NamedTuple):
     """A message as it should be."""
 
     tick: int
     data: bytes
 
 
-class _Waiting:
+class _ExpectedMessages:
     """Messages as they should be, made as they are asked for."""
 
-    def __init__(self, telling: Telling, on_tick: Callable[[int], None]) -> None:
+    def __init__(self, telling: RecordingMessages, on_tick: Callable[[int], None]) -> None:
         self._messages = telling.messages(on_tick)
-        self._by_topic: dict[str, deque[_Made]] = defaultdict(deque)
+        self._by_topic: dict[str, deque[_Expected]] = defaultdict(deque)
 
-    def next_on(self, topic: str) -> _Made | None:
+    def next_on(self, topic: str) -> _Expected | None:
         """The next one on a channel."""
         waiting = self._by_topic[topic]
         while not waiting:
             message = next(self._messages, None)
             if message is None:
                 return None
-            self._by_topic[message.topic].append(_Made(message.tick, dump(message.body)))
+            self._by_topic[message.topic].append(_Expected(message.tick, dump(message.body)))
         return waiting.popleft()
 
 
@@ -50,12 +51,12 @@ def first_false_message(
 
     The replay of those must be known to be identical.
     """
-    made = _Waiting(Telling(spool, recorded_trajectory(spool)), on_tick)
+    made = _ExpectedMessages(RecordingMessages(spool, recorded_trajectory(spool)), on_tick)
     with path.open("rb") as file:
         return _first(spool, made, file)
 
 
-def _first(spool: Spool, made: _Waiting, file: IO[bytes]) -> Difference | None:
+def _first(spool: Spool, made: _ExpectedMessages, file: IO[bytes]) -> Difference | None:
     topics = set()
     for content in contents(file):
         if isinstance(content, Content):
@@ -73,7 +74,7 @@ def _first(spool: Spool, made: _Waiting, file: IO[bytes]) -> Difference | None:
     )
 
 
-def _difference(content: Content, expected: _Made) -> Difference | None:
+def _difference(content: Content, expected: _Expected) -> Difference | None:
     recorded, made = orjson.loads(content.data), orjson.loads(expected.data)
     for name in {**recorded, **made}:
         past, now = recorded.get(name, NOTHING), made.get(name, NOTHING)

@@ -6,54 +6,27 @@ Rule 2: every frame has one fate in the end, and one only, also when its copies 
 """
 
 from collections.abc import Iterator, Sequence
-from enum import IntEnum
 from typing import NamedTuple
 
+from deploy.recording.frame_fate import NEVER, FrameFate
 from deploy.recording.replay import Drawn, Link, Played
-from protocol.wire.frames import NO_TICK, TorqueFrame
+from protocol.wire.frames import TorqueFrame
 from protocol.wire.wiring import neighbours
 
-
-class Fate(IntEnum):
-    """What became of a link frame in the end."""
-
-    HEARD = 0
-    """Used in the tick after it was said."""
-    LATE = 1
-    """Used later, by a delay or a reordering of the link model."""
-    LOST = 2
-    """Dropped by the link model: random or burst loss."""
-    CORRUPT = 3
-    """A bit was flipped by the link model, and the receiver refused it."""
-    CUT = 4
-    """The link was cut."""
-    NOBODY = 5
-    """There was no board at the other end when it would have been heard, or a new one."""
-    VOID = 6
-    """Not to be used: its sender did not complete the tick, or was gone when it would have been
-    heard, or the receiver was told to go on without it (S5, S6)."""
-    UNSAID = 7
-    """There was no board to say it."""
-    PENDING = 8
-    """The recording ends before it was due."""
-
-
 MASK = 2**64 - 1
-NEVER = NO_TICK
-"""In place of the tick in which a frame was heard; -1 is one of the warm-up."""
 
 
-class Settled(NamedTuple):
+class FrameOutcome(NamedTuple):
     """A frame whose fate is known."""
 
     link: Link
     said_tick: int
-    fate: Fate
+    fate: FrameFate
     heard_tick: int
     """When it was used first, or `NEVER`."""
 
 
-class UnderWay(NamedTuple):
+class PendingFrame(NamedTuple):
     """A frame that may yet be heard."""
 
     incarnation: int
@@ -62,18 +35,18 @@ class UnderWay(NamedTuple):
     """When it is heard at the latest."""
 
 
-class Fates:
+class FateTracker:
     """Follows every frame of a run of some boards, tick by tick."""
 
     def __init__(self, boards: int) -> None:
-        self._links: list[tuple[Link, int, dict[int, UnderWay]]] = [
+        self._links: list[tuple[Link, int, dict[int, PendingFrame]]] = [
             ((sender, receiver), index, {})
             for receiver in range(boards)
             for index, sender in enumerate(neighbours(receiver, boards))
         ]
         """Each link, its place among those of its receiver, and its frames by the tick said."""
 
-    def tick(self, played: Played, answers: Sequence[TorqueFrame | None]) -> Iterator[Settled]:
+    def tick(self, played: Played, answers: Sequence[TorqueFrame | None]) -> Iterator[FrameOutcome]:
         """Live through a tick; give the frames whose fate it settles.
 
         `answers` are the torque frames that were recorded, None where a board did not answer.
@@ -84,30 +57,32 @@ class Fates:
             answer = answers[receiver]
             if under_way:
                 if answer is None or receiver in played.newcomers:
-                    yield from self._all(Fate.NOBODY, link, under_way)
+                    yield from self._all(FrameFate.NOBODY, link, under_way)
                 else:
                     yield from _arrive(link, under_way, played, answer.links[index].heard_mask)
             if answers[sender] is not None:
-                under_way[tick] = UnderWay(played.incarnations[sender], tick + 1)
+                under_way[tick] = PendingFrame(played.incarnations[sender], tick + 1)
             else:
                 there = played.incarnations[sender] != 0
-                yield Settled(link, tick, Fate.VOID if there else Fate.UNSAID, NEVER)
+                yield FrameOutcome(link, tick, FrameFate.VOID if there else FrameFate.UNSAID, NEVER)
 
-    def end(self) -> Iterator[Settled]:
+    def end(self) -> Iterator[FrameOutcome]:
         """Give the frames that nobody could hear before the end of the recording."""
         for link, _, under_way in self._links:
-            yield from self._all(Fate.PENDING, link, under_way)
+            yield from self._all(FrameFate.PENDING, link, under_way)
 
     @staticmethod
-    def _all(fate: Fate, link: Link, under_way: dict[int, UnderWay]) -> Iterator[Settled]:
+    def _all(
+        fate: FrameFate, link: Link, under_way: dict[int, PendingFrame]
+    ) -> Iterator[FrameOutcome]:
         for said_tick in under_way:
-            yield Settled(link, said_tick, fate, NEVER)
+            yield FrameOutcome(link, said_tick, fate, NEVER)
         under_way.clear()
 
 
 def _arrive(
-    link: Link, under_way: dict[int, UnderWay], played: Played, heard_mask: int
-) -> Iterator[Settled]:
+    link: Link, under_way: dict[int, PendingFrame], played: Played, heard_mask: int
+) -> Iterator[FrameOutcome]:
     """What a receiver used in a tick, and what will not be heard any more."""
     tick = played.record.tick
     heard_mask &= MASK  # A board of another's making may have sent any number.
@@ -116,10 +91,10 @@ def _arrive(
         heard_mask ^= 1 << ago
         said_tick = tick - 1 - ago
         if under_way.pop(said_tick, None) is not None:  # Else it is the second of two copies.
-            yield Settled(link, said_tick, Fate.LATE if ago else Fate.HEARD, tick)
+            yield FrameOutcome(link, said_tick, FrameFate.LATE if ago else FrameFate.HEARD, tick)
     sender = played.incarnations[link[0]]
     for said_tick, frame in list(under_way.items()):
-        fate: Fate | None = None
+        fate: FrameFate | None = None
         if said_tick == tick - 1:
             drawn = played.drawn.get(link)
             fate = _unheard(drawn)
@@ -127,18 +102,18 @@ def _arrive(
                 due_tick = tick + max(drawn.fate.late_ticks)
                 under_way[said_tick] = frame._replace(due_tick=due_tick)
         elif tick >= frame.due_tick or sender not in (0, frame.incarnation):
-            fate = Fate.VOID
+            fate = FrameFate.VOID
         if fate is not None:
             del under_way[said_tick]
-            yield Settled(link, said_tick, fate, NEVER)
+            yield FrameOutcome(link, said_tick, fate, NEVER)
 
 
-def _unheard(drawn: Drawn | None) -> Fate | None:
+def _unheard(drawn: Drawn | None) -> FrameFate | None:
     """Why a frame was not heard in the tick after it was said; None: it is late."""
     if drawn is None:
-        return Fate.VOID
+        return FrameFate.VOID
     if drawn.fate.late_ticks:
         return None
     if drawn.cut:
-        return Fate.CUT
-    return Fate.LOST if drawn.fate.flipped_bit is None else Fate.CORRUPT
+        return FrameFate.CUT
+    return FrameFate.LOST if drawn.fate.flipped_bit is None else FrameFate.CORRUPT

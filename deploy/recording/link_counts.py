@@ -8,21 +8,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deploy.recording.arrays import Fate, LinkHistory, Recording
+from deploy.recording.arrays import LinkHistory, Recording
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.trajectory import Floats
 
 FATES = (
-    Fate.HEARD,
-    Fate.LATE,
-    Fate.LOST,
-    Fate.CORRUPT,
-    Fate.CUT,
-    Fate.NOBODY,
-    Fate.VOID,
-    Fate.PENDING,
+    FrameFate.HEARD,
+    FrameFate.LATE,
+    FrameFate.LOST,
+    FrameFate.CORRUPT,
+    FrameFate.CUT,
+    FrameFate.NOBODY,
+    FrameFate.VOID,
+    FrameFate.PENDING,
 )
 """What a frame that was sent can come to, from good to bad to unknown."""
-MISSED = (Fate.LOST, Fate.CORRUPT, Fate.CUT, Fate.VOID)
+MISSED = (FrameFate.LOST, FrameFate.CORRUPT, FrameFate.CUT, FrameFate.VOID)
 """What becomes of a frame that somebody was there to hear, and did not."""
 
 
@@ -32,7 +33,7 @@ class LinkCounts(NamedTuple):
     sender: int
     receiver: int
     sent: int
-    fates: dict[Fate, int]
+    fates: dict[FrameFate, int]
     """Each of `FATES`; they add up to `sent`."""
     refused: dict[str, int]
     bytes_sent: int
@@ -53,7 +54,7 @@ def counts(recording: Recording) -> list[LinkCounts]:
     ]
 
 
-def total(links: Sequence[LinkCounts]) -> tuple[int, dict[Fate, int]]:
+def total(links: Sequence[LinkCounts]) -> tuple[int, dict[FrameFate, int]]:
     """Frames sent and their fates, over all links."""
     fates = {fate: sum(link.fates[fate] for link in links) for fate in FATES}
     return sum(link.sent for link in links), fates
@@ -68,7 +69,7 @@ def missed_share(link: LinkHistory, bin_ticks: int) -> Floats:
     bins = np.arange(len(link.sent)) // bin_ticks
     length = int(bins[-1]) + 1 if len(bins) else 0
     missed = link.sent & np.isin(link.fate, MISSED)
-    counted = missed | (link.sent & np.isin(link.fate, (Fate.HEARD, Fate.LATE)))
+    counted = missed | (link.sent & np.isin(link.fate, (FrameFate.HEARD, FrameFate.LATE)))
     of = np.bincount(bins[counted], minlength=length)
     lost = np.bincount(bins[missed], minlength=length)
     share: Floats = np.divide(lost, of, out=np.full(length, np.nan), where=of > 0)

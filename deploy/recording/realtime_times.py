@@ -9,14 +9,13 @@ Rule 3: only what was after the release counts.
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deploy.recording.epochs import epochs_played
 from deploy.recording.trajectory import Floats, Integers
-from plant_server.record import TickRecord
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
@@ -24,6 +23,8 @@ from protocol.wire.trace import Lived, Mark, Trace, decode_told
 from protocol.wire.wiring import neighbours
 
 US_PER_MS = 1e3
+STALENESS = frozenset({"torque_stale", "torque_fresh", "gone"})
+"""Events after which a board's torque is too old to be applied, or no longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,8 +106,25 @@ class Clock:
         return self.woke_ms(lived) + lived.busy_us / US_PER_MS
 
 
-def turns(spool: Spool) -> list[list[list[Lived]]]:
-    """What each board lived through, from the ground up: in order, a list for each incarnation."""
+Lives = list[list[Lived]]
+"""What a joint's boards lived through: in order, a list for each incarnation."""
+
+
+class RealtimeRecord(NamedTuple):
+    """What times are found from: of a run with N boards, which was free for T ticks."""
+
+    lives: list[Lives]
+    """From the ground up."""
+    said_tick: Integers
+    """When the torque in force in each tick was said; `NO_TICK`: there was none, (T, N)."""
+    events: Sequence[tuple[int, list[Any]]]
+    """What happened to the robot, with its tick."""
+    account: dict[str, float]
+    """What the plant told of its own pace, as the fields below; empty: it did not get to."""
+
+
+def turns(spool: Spool) -> list[Lives]:
+    """What each board lived through, from the ground up."""
     found: list[dict[int, list[Lived]]] = [{} for _ in spool.scenario["board"]]
     for board, payload in spool.realtime:
         told = None if board == PLANT else decode_told(payload)
@@ -115,27 +133,48 @@ def turns(spool: Spool) -> list[list[list[Lived]]]:
     return [list(lives.values()) for lives in found]
 
 
+def _record(spool: Spool) -> RealtimeRecord:
+    """What a spool has of a run in realtime."""
+    free = [record for record in spool.ticks if record.tick >= 0]
+    said_tick = [
+        [decode(TorqueFrame, answer).tick if answer else NO_TICK for answer in record.answers]
+        for record in free
+    ]
+    events = [(record.tick, event) for record in spool.ticks for event in record.events]
+    accounts: list[dict[str, float]] = [told for board, told in spool.realtime if board == PLANT]
+    boards = len(spool.scenario["board"])
+    return RealtimeRecord(
+        turns(spool),
+        np.array(said_tick, np.int64).reshape(-1, boards),
+        events,
+        accounts[-1] if accounts else {},
+    )
+
+
 def realtime_times(spool: Spool) -> RealtimeTimes | None:
-    """Find out from a recording; None for a run in lockstep."""
-    cadence = cadence_of(spool.scenario)
-    if cadence is None:
+    """Find out from a spool; None of a run in lockstep."""
+    if not spool.in_realtime:
         return None
+    return times_of(spool.scenario, _record(spool))
+
+
+def times_of(scenario: dict[str, Any], record: RealtimeRecord) -> RealtimeTimes:
+    """Find out how boards kept their time in a run of this scenario, which is one in realtime."""
+    cadence = cadence_of(scenario)
+    assert cadence is not None
     lives = [
         [[turn for turn in life if turn.slot >= 0] for life in of_board]
-        for of_board in turns(spool)
+        for of_board in record.lives
     ]
     lived = [[turn for life in of_board for turn in life] for of_board in lives]
-    tick_ms = spool.scenario["run"]["tick_s"] * 1e3
+    tick_ms = scenario["run"]["tick_s"] * 1e3
     clocks = [Clock(tick_ms, ticks) for ticks in cadence.ticks_per_period]
     said_ms = [
         {turn.slot * clock.ticks_per_period: clock.said_ms(turn) for turn in own}
         for clock, own in zip(clocks, lived, strict=True)
     ]
-    free = [record for record in spool.ticks if record.tick >= 0]
-    epochs = epochs_played(spool.scenario, len(free))
-    there = [_presence(spool.ticks, board) for board in range(len(lived))]
-    accounts: list[dict[str, float]] = [told for board, told in spool.realtime if board == PLANT]
-    account = accounts[-1] if accounts else {}
+    epochs = epochs_played(scenario, len(record.said_tick))
+    there = [_presence(record.events, board) for board in range(len(lived))]
     return RealtimeTimes(
         boards=[
             BoardTimes(
@@ -150,17 +189,17 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
                     )
                     for link, other in enumerate(neighbours(board, len(lived)))
                 },
-                torque_age_ms=_torque_ages_ms(free, board, said_ms[board], tick_ms),
-                torque_stale_ticks=_stale_ticks(free, board),
-                decision_ms=_decisions_ms(lived[board], clocks[board], spool.scenario, epochs),
+                torque_age_ms=_torque_ages_ms(record.said_tick[:, board], said_ms[board], tick_ms),
+                torque_stale_ticks=_stale_ticks(record, board),
+                decision_ms=_decisions_ms(lived[board], clocks[board], scenario, epochs),
             )
             for board in range(len(lived))
         ],
-        policy=spool.scenario["realtime"]["missed"],
+        policy=scenario["realtime"]["missed"],
         round_ms=cadence.ticks_per_round * tick_ms,
         epochs=epochs,
-        behind_ms_max=account.get("behind_ms_max"),
-        slipped_s=account.get("slipped_s"),
+        behind_ms_max=record.account.get("behind_ms_max"),
+        slipped_s=record.account.get("slipped_s"),
     )
 
 
@@ -199,39 +238,32 @@ def _decisions_ms(
     return found
 
 
-def _torque_ages_ms(
-    records: Sequence[TickRecord], board: int, said_ms: dict[int, float], tick_ms: float
-) -> Floats:
+def _torque_ages_ms(said_ticks: Integers, said_ms: dict[int, float], tick_ms: float) -> Floats:
     """Age of the torque in force at the beginning of each tick."""
-
-    def ages() -> Iterator[float]:
-        for record in records:
-            if record.answers[board]:
-                said_tick = decode(TorqueFrame, record.answers[board]).tick
-                yield record.tick * tick_ms - said_ms.get(said_tick, said_tick * tick_ms)
-
-    return _ages(ages())
+    return _ages(
+        tick * tick_ms - said_ms.get(said_tick, said_tick * tick_ms)
+        for tick, said_tick in enumerate(said_ticks.tolist())
+        if said_tick != NO_TICK
+    )
 
 
-def _stale_ticks(records: Sequence[TickRecord], board: int) -> int:
+def _stale_ticks(record: RealtimeRecord, board: int) -> int:
     """Ticks in which the torque of a board was too old to be applied."""
-    stale, ticks = False, 0
-    for record in records:
-        for event in record.events:
-            if event[0] in ("torque_stale", "torque_fresh") and event[1] == board:
-                stale = event[0] == "torque_stale"
-            elif event[0] == "gone" and event[1] == board:
-                stale = False
-        ticks += stale
-    return ticks
+    ticks, since = 0, None
+    for tick, (what, *about) in record.events:
+        if tick < 0 or about[:1] != [board] or what not in STALENESS:
+            continue
+        if since is not None:
+            ticks += tick - since
+        since = tick if what == "torque_stale" else None
+    return ticks if since is None else ticks + len(record.said_tick) - since
 
 
-def _presence(records: Sequence[TickRecord], board: int) -> Callable[[int], bool]:
+def _presence(events: Sequence[tuple[int, list[Any]]], board: int) -> Callable[[int], bool]:
     """Tells of a tick whether a board was on the roster."""
     changes = [
-        (record.tick, event[0] == "admitted")
-        for record in records
-        for event in record.events
+        (tick, event[0] == "admitted")
+        for tick, event in events
         if event[0] in ("admitted", "gone") and event[1] == board
     ]
 

@@ -12,7 +12,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from deploy.recording.differences import REFUSED
-from deploy.recording.fates import Fates, Settled
+from deploy.recording.fates import FateTracker, FrameOutcome
 from deploy.recording.realtime_replay import IMPOSSIBLE, PlantReplay
 from deploy.recording.replay import Link, Replay, UnplayableError
 from plant_server.record import TickRecord
@@ -32,7 +32,7 @@ from protocol.wire.wiring import neighbours
 Answers = tuple[TorqueFrame | None, ...]
 
 
-class Told(NamedTuple):
+class ReconstructedTick(NamedTuple):
     """One tick, told in full."""
 
     recorded: TickRecord
@@ -42,7 +42,7 @@ class Told(NamedTuple):
     """What each board was told that answered."""
     links: dict[Link, bytes]
     """Link frames said, as far as their content is known."""
-    settled: list[Settled]
+    settled: list[FrameOutcome]
     """Frames, of this tick or before, whose fate is known from now on."""
 
 
@@ -53,11 +53,11 @@ class Reconstruction:
         self.replay = Replay(scenario)
         self.links = list(self.replay.lockstep.roster.links)
         self._receipts = _receipts(len(scenario.joints))
-        self._fates = Fates(len(scenario.joints))
+        self._fates = FateTracker(len(scenario.joints))
         self._refused: dict[tuple[int, int, int], int] = {}
         """Of each board, incarnation and reason: the last count beyond the replay's own."""
 
-    def tick(self, recorded: TickRecord) -> Told:
+    def tick(self, recorded: TickRecord) -> ReconstructedTick:
         """Tell the next tick. Raises `replay.UnplayableError` or `ProtocolError`."""
         answers = _answers(recorded, self._receipts)
         played = self.replay.play(recorded)
@@ -66,9 +66,9 @@ class Reconstruction:
             link: said for link, said in played.links.items() if _believed(link, said, answers)
         }
         settled = list(self._fates.tick(played, answers))
-        return Told(recorded, answers, played.observations, links, settled)
+        return ReconstructedTick(recorded, answers, played.observations, links, settled)
 
-    def end(self) -> list[Settled]:
+    def end(self) -> list[FrameOutcome]:
         """Tell what became of the frames that were under way when the recording ended."""
         return list(self._fates.end())
 
@@ -109,7 +109,7 @@ class RealtimeReconstruction:
         self._plant = PlantReplay(spool)
         self._receipts = _receipts(len(spool.scenario["board"]))
 
-    def tick(self, recorded: TickRecord) -> Told:
+    def tick(self, recorded: TickRecord) -> ReconstructedTick:
         """Tell the next tick. Raises `replay.UnplayableError` or `ProtocolError`."""
         answers = _answers(recorded, self._receipts)
         try:
@@ -118,11 +118,15 @@ class RealtimeReconstruction:
             raise UnplayableError(f"tick {recorded.tick} cannot have been: {error}") from error
         self._plant.forget()  # Boards are not played on it, and a long run has many frames.
         observations = {board: decode(Observation, said) for board, said in played.items()}
-        return Told(recorded, answers, observations, {}, [])
+        return ReconstructedTick(recorded, answers, observations, {}, [])
 
-    def end(self) -> list[Settled]:
+    def end(self) -> list[FrameOutcome]:
         """No frame is under way."""
         return []
+
+    def refused(self, _link: Link) -> dict[str, int]:
+        """Not known, as below."""
+        return {}
 
     def refused_by_network(self, _board: int) -> dict[str, int]:
         """Not known: a link model's frames are refused like the network's."""

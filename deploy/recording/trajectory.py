@@ -143,8 +143,13 @@ def recorded_trajectory(spool: Spool) -> Trajectory:
 
 
 def _cut_off(spool: Spool) -> Outcome:
-    last, walls = spool.ticks[-1], [walls for walls in spool.walls if walls is not None]
-    wall_s = 0.0
-    if last.tick > 0 and len(walls) > last.tick:
-        wall_s = (walls[-1].opened_ns - walls[-1 - last.tick].opened_ns) / 1e9
+    last = spool.ticks[-1]
+    wall_s = cut_off_s(last.tick, [walls.opened_ns for walls in spool.walls if walls is not None])
     return Outcome(last.tick, last.angles_rad, last.rates_rad_s, CUT_OFF, wall_s)
+
+
+def cut_off_s(last_tick: int, opened_ns: Sequence[int]) -> float:
+    """Wall time from the release to the last tick, of times of ticks; 0: not known."""
+    if last_tick <= 0 or len(opened_ns) <= last_tick:
+        return 0.0
+    return (opened_ns[-1] - opened_ns[-1 - last_tick]) / 1e9

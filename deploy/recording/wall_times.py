@@ -5,12 +5,11 @@ Rule: a time is monotonic, in nanoseconds, on the clock of the process that took
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plant_server.spool.spool import Spool
 from protocol.wire.timing import TickTiming, Timing
 
 Integers = NDArray[np.int64]
@@ -30,6 +29,15 @@ class PlantTimes:
     closed_ns: Integers
     """(T,)."""
 
+    @classmethod
+    def unknown(cls, ticks: int, boards: int) -> Self:
+        """Of so many ticks, to be filled in."""
+        return cls(
+            opened_ns=np.zeros(ticks, np.int64),
+            answered_ns=np.zeros((ticks, boards), np.int64),
+            closed_ns=np.zeros(ticks, np.int64),
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardTimes:
@@ -43,22 +51,6 @@ class BoardTimes:
     """(T, N)."""
     arrived_ns: Integers
     """What the first and second neighbour had said in the tick before, (T, N, 2)."""
-
-
-def plant_times(spool: Spool, ticks: int) -> PlantTimes:
-    """Wall times of the ticks 0 ... T-1."""
-    boards = len(spool.scenario["board"])
-    times = PlantTimes(
-        opened_ns=np.zeros(ticks, np.int64),
-        answered_ns=np.zeros((ticks, boards), np.int64),
-        closed_ns=np.zeros(ticks, np.int64),
-    )
-    for record, walls in zip(spool.ticks, spool.walls, strict=True):
-        if walls is not None and 0 <= record.tick < ticks:
-            times.opened_ns[record.tick] = walls.opened_ns
-            times.answered_ns[record.tick] = walls.answered_ns
-            times.closed_ns[record.tick] = walls.closed_ns
-    return times
 
 
 def board_times(timings: Sequence[tuple[int, Timing]], ticks: int, boards: int) -> BoardTimes:
@@ -79,25 +71,26 @@ def board_times(timings: Sequence[tuple[int, Timing]], ticks: int, boards: int) 
     )
 
 
-def clocks_shared(spool: Spool) -> bool:
+def clocks_shared(facts: dict[str, Any], timings: Sequence[tuple[int, Timing]]) -> bool:
     """Whether all processes of a run said that they read one clock."""
-    clocks = {spool.facts.get("clock", 0), *(timing.clock for _, timing in spool.timings)}
-    return bool(spool.timings) and len(clocks) == 1 and 0 not in clocks
+    clocks = {facts.get("clock", 0), *(timing.clock for _, timing in timings)}
+    return bool(timings) and len(clocks) == 1 and 0 not in clocks
 
 
-def efforts(spool: Spool) -> dict[str, tuple[float, float]]:
+def efforts(
+    joints: Sequence[str], facts: dict[str, Any], timings: Sequence[tuple[int, Timing]]
+) -> dict[str, tuple[float, float]]:
     """CPU seconds and peak memory in MB of each process, by "plant" or "twin", or its joint.
 
     Of a joint that had several boards, one after the other: seconds of all, memory of the largest.
     """
     found: dict[str, tuple[float, float]] = {}
-    facts: dict[str, Any] = spool.facts
     if "cpu_s" in facts:
         name = TWIN if facts.get("mode") == TWIN else PLANT
         found[name] = (facts["cpu_s"], facts["memory_kb"] / KB_PER_MB)
-    last = {(board, timing.incarnation): timing for board, timing in spool.timings}
+    last = {(board, timing.incarnation): timing for board, timing in timings}
     for (board, _), timing in sorted(last.items(), key=lambda entry: entry[0]):
-        joint = spool.scenario["board"][board]["joint"]
-        cpu_s, memory_mb = found.get(joint, (0.0, 0.0))
-        found[joint] = (cpu_s + timing.cpu_us / 1e6, max(memory_mb, timing.memory_kb / KB_PER_MB))
+        cpu_s, memory_mb = found.get(joints[board], (0.0, 0.0))
+        seconds, megabytes = timing.cpu_us / 1e6, timing.memory_kb / KB_PER_MB
+        found[joints[board]] = (cpu_s + seconds, max(memory_mb, megabytes))
     return found

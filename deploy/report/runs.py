@@ -12,9 +12,10 @@ from matplotlib.figure import Figure as Drawing
 
 from deploy.outcome.figures import FORMATS, STYLE
 from deploy.outcome.summary import Summary, summary
-from deploy.recording.arrays import Recording, read_recording
-from deploy.recording.epochs import Epochs, epochs
+from deploy.recording.arrays import Recording
+from deploy.recording.epochs import Epochs
 from deploy.recording.link_counts import LinkCounts, counts
+from deploy.recording.reading import read_recording
 from deploy.report.page import Figure, Image, Remark
 from deploy.report.sections.happenings import Happening, Span, timeline, told
 
@@ -90,8 +91,9 @@ def look_at(recording: Recording, label: str, number: int = 1) -> Run:
             trajectory,
             mode=recording.facts.get("mode", "processes"),
             realtime=recording.realtime,
+            epochs=recording.epochs,
         ),
-        epochs(trajectory),
+        recording.epochs,
         counts(recording),
         timeline(trajectory),
         told(trajectory),

@@ -22,7 +22,7 @@ WRITE_EVERY_S = 1.0
 CLOSE_WITHIN_S = 5.0
 """How long the end of a run waits for the disk."""
 _HEADER = struct.Struct("<4sII")
-_MAGIC = b"DECM"
+MAGIC = b"DECM"
 
 
 class ChunkWriter:
@@ -85,7 +85,7 @@ class ChunkWriter:
             chunk = bytearray()
             while records and len(chunk) < self.chunk_bytes:
                 chunk += records.popleft()
-            self._file.write(_HEADER.pack(_MAGIC, len(chunk), crc32(chunk)) + chunk)
+            self._file.write(_HEADER.pack(MAGIC, len(chunk), crc32(chunk)) + chunk)
             self._file.flush()
             self._taken_bytes += len(chunk)
         os.fsync(self._file.fileno())
@@ -98,7 +98,7 @@ def read_chunks(content: bytes) -> Iterator[bytes]:
         magic, length, checksum = _HEADER.unpack_from(content, start)
         start += _HEADER.size
         chunk = content[start : start + length]
-        if magic != _MAGIC or len(chunk) < length or crc32(chunk) != checksum:
+        if magic != MAGIC or len(chunk) < length or crc32(chunk) != checksum:
             return
         yield chunk
         start += length

@@ -3,14 +3,26 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from deploy.launch.twin import run_twin
-from deploy.recording.arrays import Fate, Flags, LinkHistory, Recording
-from deploy.recording.trajectory import Floats, Integers, Trajectory, trajectory
+from deploy.recording.arrays import Flags, LinkHistory, Recording
+from deploy.recording.epochs import epochs
+from deploy.recording.frame_fate import FrameFate
+from deploy.recording.mcap.file import write_mcap
+from deploy.recording.reading import read_recording
+from deploy.recording.trajectory import (
+    Floats,
+    Integers,
+    Trajectory,
+    recorded_trajectory,
+    trajectory,
+)
 from deploy.scenario_file.load import load
+from plant_server.spool.spool import Spool
 
 START_NS = 5_000_000_000
 
@@ -19,6 +31,14 @@ START_NS = 5_000_000_000
 def run(name: str, *settings: str) -> Trajectory:
     scenario = load(name, list(settings))
     return trajectory(scenario.values, *run_twin(scenario))
+
+
+def read_back(of: Spool) -> Recording:
+    """What the report reads of the file that is made of a spool."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        write_mcap(of, recorded_trajectory(of), path, lambda _tick: None)
+        return read_recording(path)
 
 
 def recording(of: Trajectory, *, seed: int = 1, timed: bool = True) -> Recording:
@@ -46,6 +66,7 @@ def recording(of: Trajectory, *, seed: int = 1, timed: bool = True) -> Recording
         taken_up_ns=np.where(known, opened_ns[:, None] + 50_000, 0),
         decided_ns=np.where(known, said_ns - 20_000, 0),
         said_ns=np.where(known, said_ns, 0),
+        epochs=epochs(of),
         links={
             (a, b): _link(rng, there[:, a], np.where(known[:, a], said_ns[:, a], 0))
             for a in range(boards)
@@ -66,12 +87,16 @@ def unfinished(of: Recording) -> Recording:
 def _link(rng: np.random.Generator, sent: Flags, said_ns: Integers) -> LinkHistory:
     ticks = len(sent)
     drawn = rng.choice(
-        [Fate.HEARD, Fate.LATE, Fate.LOST, Fate.CORRUPT], ticks, p=[0.8, 0.08, 0.08, 0.04]
+        [FrameFate.HEARD, FrameFate.LATE, FrameFate.LOST, FrameFate.CORRUPT],
+        ticks,
+        p=[0.8, 0.08, 0.08, 0.04],
     )
-    fate = np.where(sent, drawn, Fate.UNSAID).astype(np.int64)
+    fate = np.where(sent, drawn, FrameFate.UNSAID).astype(np.int64)
     said = np.arange(ticks)
-    heard = np.where(fate == Fate.HEARD, said + 1, np.where(fate == Fate.LATE, said + 3, -1))
-    fate[heard >= ticks] = Fate.PENDING
+    heard = np.where(
+        fate == FrameFate.HEARD, said + 1, np.where(fate == FrameFate.LATE, said + 3, -1)
+    )
+    fate[heard >= ticks] = FrameFate.PENDING
     heard[heard >= ticks] = -1
     way_ns = rng.lognormal(11.5, 0.4, ticks).astype(np.int64)
     return LinkHistory(
@@ -81,7 +106,7 @@ def _link(rng: np.random.Generator, sent: Flags, said_ns: Integers) -> LinkHisto
         frame_bytes=np.where(sent, 104, 0),
         sent_ns=said_ns - (said_ns > 0) * 1000,
         arrived_ns=np.where(said_ns > 0, said_ns + way_ns, 0),
-        refused={"corrupt": int((fate == Fate.CORRUPT).sum())},
+        refused={"corrupt": int((fate == FrameFate.CORRUPT).sum())},
     )
 
 

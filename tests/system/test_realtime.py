@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from deploy.outcome.results import read_run
-from deploy.recording.files import read_spool_of
 from deploy.recording.realtime_replay import replay
 from deploy.recording.realtime_times import turns
+from deploy.recording.spools import read_spool_of
 from plant_server.session.pace import SLIP_S
 from plant_server.spool.spool import PLANT, read_spool
 from protocol.process.exit_codes import ExitCode

@@ -16,10 +16,10 @@ from random import Random
 import pytest
 
 from deploy.launch.terminal_session import LiveError, Terminal
-from deploy.recording.arrays import read_recording
 from deploy.recording.differences import first_difference
-from deploy.recording.files import read_spool_of
 from deploy.recording.mcap.file import read_mcap
+from deploy.recording.reading import read_recording
+from deploy.recording.spools import read_spool_of
 from deploy.recording.trajectory import CUT_OFF
 from plant_server.record import COMPLETE, STOPPED
 from plant_server.spool.spool import read_spool

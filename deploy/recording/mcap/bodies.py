@@ -10,7 +10,7 @@ from operator import index
 from typing import Any
 
 from deploy.recording.epochs import Epochs
-from deploy.recording.fates import Settled
+from deploy.recording.fates import FrameOutcome
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
 from protocol.robot.scenario import ResolvedScenario, canonical
 from protocol.robot.states import COUNTERS
@@ -19,6 +19,7 @@ from protocol.wire.frames import (
     LinkUse,
     Observation,
     TorqueFrame,
+    decode,
     encode,
 )
 from protocol.wire.timing import TickTiming, Timing
@@ -111,17 +112,22 @@ def to_torque(body: Body) -> bytes:
     return encode(TorqueFrame(**values))
 
 
-def of_link(settled: Settled, sent_crc: int, frame: LinkFrame | None) -> Body:
-    """What was said to a neighbour, as far as it is known, and what became of it."""
+def of_link(settled: FrameOutcome, sent_crc: int | None, payload: bytes | None) -> Body:
+    """What was said to a neighbour, as far as it is known, and what became of it.
+
+    Without a receipt of its sender, `sent_crc`, it is not known to have been said.
+    """
     about = {
         "tick": settled.said_tick,
         "fate": settled.fate.name.lower(),
         "heard_tick": settled.heard_tick,
-        "sent_crc": sent_crc,
+        "frame_bytes": 0 if payload is None else len(payload),
     }
-    if frame is None:
+    if sent_crc is not None:
+        about["sent_crc"] = sent_crc
+    if payload is None:
         return about
-    body = frame._asdict()
+    body = decode(LinkFrame, payload)._asdict()
     body["echo_tick"] = body.pop("heard_tick")
     return {**body, **about}
 
@@ -138,6 +144,7 @@ def of_epochs(found: Epochs | None, joints: Sequence[str]) -> Iterator[Body]:
             "members": [joint for joint, member in zip(joints, members, strict=True) if member],
             "w_rad": found.w_rad[i][members].tolist(),
             "rounds_to_agreement": int(found.agreed_after[i]),
+            "known_after_rounds": found.known_after[i][members].tolist(),
             "y": found.enabled[i][members].astype(int).tolist(),
         }
 
@@ -180,16 +187,30 @@ def to_timing(body: Body) -> Timing:
     return Timing(**{**body, "ticks": ticks})
 
 
-def of_outcome(outcome: Outcome, refused_by_network: dict[str, dict[str, int]]) -> Body:
-    """How the run ended; and what each joint's board refused that only a network brings."""
+def of_outcome(outcome: Outcome) -> Body:
+    """How the run ended."""
     return {
         **outcome._asdict(),
         "undriven": [
             {**joint._asdict(), "has_board": int(joint.has_board)} for joint in outcome.undriven
         ],
-        "refused_by_network": [
+    }
+
+
+def of_refused(
+    by_link: dict[tuple[str, str], dict[str, int]], by_network: dict[str, dict[str, int]]
+) -> Body:
+    """What boards refused, by reason: by sender and receiver, and by joint."""
+    return {
+        "by_link": [
+            {"sender": sender, "receiver": receiver, "reason": reason, "frames": frames}
+            for (sender, receiver), reasons in by_link.items()
+            for reason, frames in reasons.items()
+            if frames
+        ],
+        "by_network": [
             {"joint": joint, "reason": reason, "frames": frames}
-            for joint, reasons in refused_by_network.items()
+            for joint, reasons in by_network.items()
             for reason, frames in reasons.items()
         ],
     }

@@ -8,65 +8,41 @@ Rule 3: metadata say what one wants to know without reading on. Named `decmesh`:
 
 import math
 import os
-import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 import orjson
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
-from zstandard import ZstdError
 
 from deploy.recording.logical_digest import logical_sha256
 from deploy.recording.mcap import bodies, realtime, schema
-from deploy.recording.mcap.messages import NS_MAX, Telling
+from deploy.recording.mcap.contents import (
+    DAMAGE,
+    FACTS,
+    FORMAT,
+    METADATA,
+    Content,
+    NoRecordingError,
+    contents,
+)
+from deploy.recording.mcap.messages import NS_MAX, RecordingMessages
 from deploy.recording.mcap.schema import Kind
 from deploy.recording.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.wire.timing import Timing
 
-FORMAT = "1"
-"""Of what is on the channels; another one cannot be read."""
-METADATA, FACTS = "decmesh", "facts"
 UNFINISHED = ".unfinished"
-DAMAGE = (
-    McapError,
-    ZstdError,
-    struct.error,
-    AssertionError,
-    AttributeError,
-    LookupError,
-    OverflowError,
-    TypeError,
-    ValueError,
-)
-"""What reading a damaged file can come to."""
 RELEASE_NS = 1_000_000_000_000
 """Log time of tick 0: 1000 s, so that the warm-up before it has a time as well."""
-
-
-class Content(NamedTuple):
-    """A message as it is in the file."""
-
-    kind: str
-    """Name of its schema."""
-    topic: str
-    data: bytes
-
-
-class NoRecordingError(ValueError):
-    """An MCAP file that is none of ours, not whole, or not of this format; says why."""
 
 
 def write_mcap(spool: Spool, run: Trajectory, path: Path, on_tick: Callable[[int], None]) -> None:
     """Write a recording, of which `run` is the trajectory.
 
-    Raises OSError, or as `Telling.messages`, and then leaves nothing.
+    Raises OSError, or as `RecordingMessages.messages`, and then leaves nothing.
     """
     unfinished = path.with_name(path.name + UNFINISHED)
     try:
@@ -105,30 +81,14 @@ def read_mcap(path: Path, *, whole: bool = True) -> Spool:
 
 def _read(file: IO[bytes], reading: "_Reading") -> None:
     for item in contents(file):
-        if isinstance(item, Metadata):
-            reading.describe(item.metadata)
-        else:
+        if isinstance(item, Content):
             reading.take(*item)
-
-
-def contents(file: IO[bytes]) -> Iterator[Metadata | Content]:
-    """What is in a recording of ours, in its order. Raises one of `DAMAGE`."""
-    channels_by_id: dict[int, Channel] = {}
-    kinds: dict[int, str] = {}
-    for record in StreamReader(file, validate_crcs=True).records:
-        if isinstance(record, Message):
-            channel = channels_by_id[record.channel_id]
-            yield Content(kinds[channel.schema_id], channel.topic, record.data)
-        elif isinstance(record, Channel):
-            channels_by_id[record.id] = record
-        elif isinstance(record, Schema):
-            kinds[record.id] = record.name
-        elif isinstance(record, Metadata) and record.name == METADATA:
-            yield record
+        else:
+            reading.metadata = item
 
 
 def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[int], None]) -> None:
-    telling = Telling(spool, run)
+    telling = RecordingMessages(spool, run)
     tick_ns = spool.scenario["run"]["tick_s"] * 1e9
     writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(library="decmesh")
@@ -229,14 +189,6 @@ class _Reading:
             complete=self.metadata is not None and self.metadata["complete"] == "true",
             realtime=tuple(self.realtime),
         )
-
-    def describe(self, metadata: dict[str, str]) -> None:
-        """Take the file's own word for what it is."""
-        if metadata["format"] != FORMAT:
-            raise NoRecordingError(
-                f"it has format {metadata['format']}, and this decmesh reads format {FORMAT}"
-            )
-        self.metadata = metadata
 
     def take(self, kind: str, topic: str, data: bytes) -> None:
         """Take one message, if the spool had what it says."""

@@ -13,23 +13,24 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from deploy.recording.epochs import epochs
-from deploy.recording.fates import Settled
-from deploy.recording.mcap import bodies, realtime, schema
+from deploy.recording.fates import FrameOutcome
+from deploy.recording.frame_fate import FrameFate
+from deploy.recording.mcap import bodies, realtime, schema, topics
 from deploy.recording.mcap.bodies import Body
 from deploy.recording.mcap.schema import Kind
-from deploy.recording.reconstruction import RealtimeReconstruction, Reconstruction, Told
+from deploy.recording.reconstruction import (
+    RealtimeReconstruction,
+    ReconstructedTick,
+    Reconstruction,
+)
 from deploy.recording.replay import UnplayableError
 from deploy.recording.trajectory import Trajectory
 from plant_server.record import TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
 from protocol.robot.scenario import resolved
-from protocol.wire.frames import LinkFrame, decode
 from protocol.wire.trace import LastWord, Trace, decode_told
 from protocol.wire.wiring import neighbours
-
-SCENARIO, FACTS, PLANT_TICK, PACE = "/scenario", "/facts", "/plant/tick", "/plant/pace"
-EPOCH, EVENT, TIMING, OUTCOME = "/epoch", "/event", "/timing", "/outcome"
 
 NS_MAX = 2**63 - 1
 """What fits into the file; a board of another's making may say any time."""
@@ -45,77 +46,48 @@ class Message(NamedTuple):
     body: Body
 
 
-def observation_topic(joint: str) -> str:
-    """Where a board's observations are."""
-    return f"/{joint}/observation"
-
-
-def torque_topic(joint: str) -> str:
-    """Where a board's answers are."""
-    return f"/{joint}/torque"
-
-
-def timing_topic(joint: str) -> str:
-    """Where the times are that a board told."""
-    return f"/{joint}/timing"
-
-
-def link_topic(sender: str, receiver: str) -> str:
-    """Where one board's frames for another are."""
-    return f"/{sender}/link/{receiver}"
-
-
-def turn_topic(joint: str) -> str:
-    """Where a board's turns are, in realtime."""
-    return f"/{joint}/turn"
-
-
-def last_word_topic(joint: str) -> str:
-    """Where the frames are that a board tells of neighbours that are gone."""
-    return f"/{joint}/last_word"
-
-
 def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]:
     """Every channel of a robot's recording, and what its messages say."""
     found = {
-        SCENARIO: schema.SCENARIO,
-        FACTS: schema.FACTS,
-        PLANT_TICK: schema.PLANT_TICK,
-        EPOCH: schema.EPOCH,
-        EVENT: schema.EVENT,
-        TIMING: schema.TIMING,
-        OUTCOME: schema.OUTCOME,
+        topics.SCENARIO: schema.SCENARIO,
+        topics.FACTS: schema.FACTS,
+        topics.PLANT_TICK: schema.PLANT_TICK,
+        topics.EPOCH: schema.EPOCH,
+        topics.EVENT: schema.EVENT,
+        topics.TIMING: schema.TIMING,
+        topics.REFUSED: schema.REFUSED,
+        topics.OUTCOME: schema.OUTCOME,
     }
     for board, joint in enumerate(joints):
-        found[observation_topic(joint)] = schema.OBSERVATION
-        found[torque_topic(joint)] = schema.TORQUE
-        found[timing_topic(joint)] = schema.BOARD_TIMING
+        found[topics.observation(joint)] = schema.OBSERVATION
+        found[topics.torque(joint)] = schema.TORQUE
+        found[topics.timing(joint)] = schema.BOARD_TIMING
         if in_realtime:
-            found[torque_topic(joint)] = realtime.IN_FORCE
-            found[turn_topic(joint)] = realtime.TURN
-            found[last_word_topic(joint)] = realtime.LAST_WORD
+            found[topics.torque(joint)] = realtime.IN_FORCE
+            found[topics.turn(joint)] = realtime.TURN
+            found[topics.last_word(joint)] = realtime.LAST_WORD
             continue
         for other in neighbours(board, len(joints)):
-            found[link_topic(joint, joints[other])] = schema.LINK
+            found[topics.link(joint, joints[other])] = schema.LINK
     if in_realtime:
-        found |= {EPOCH: realtime.ELECTED, PACE: realtime.PACE}
+        found |= {topics.EPOCH: realtime.ELECTED, topics.PACE: realtime.PACE}
     return found
 
 
-class Held:
+class PendingTick:
     """A tick that waits until it is known what became of its frames."""
 
-    def __init__(self, told: Told, walls: Walls | None) -> None:
+    def __init__(self, told: ReconstructedTick, walls: Walls | None) -> None:
         self.told = told
         self.walls = walls
-        self.fates: list[Settled] = []
+        self.fates: list[FrameOutcome] = []
 
 
 Account = Trace | LastWord | None
 """What a board told of its turns; None: it is the plant's account."""
 
 
-class Telling:
+class RecordingMessages:
     """Turns a recording into messages."""
 
     def __init__(self, spool: Spool, run: Trajectory) -> None:
@@ -128,7 +100,7 @@ class Telling:
         self._periods = cadence.ticks_per_period if cadence else ()
         self._accounts = _decoded(spool.realtime if cadence else ())
         self._next_account = next(self._accounts, None)
-        self._held: dict[int, Held] = {}
+        self._held: dict[int, PendingTick] = {}
         self._timings = deque(spool.timings)
         self._epochs = deque(bodies.of_epochs(epochs(run), self.joints))
         self._spoken_ns = {
@@ -141,8 +113,8 @@ class Telling:
         """Tell it from the first tick to the last. Raises as `Reconstruction.tick`."""
         spool = self.spool
         first_tick = spool.ticks[0].tick
-        yield Message(SCENARIO, first_tick, 0, bodies.of_scenario(self.scenario))
-        yield Message(FACTS, first_tick, 0, bodies.of_facts(spool.facts))
+        yield Message(topics.SCENARIO, first_tick, 0, bodies.of_scenario(self.scenario))
+        yield Message(topics.FACTS, first_tick, 0, bodies.of_facts(spool.facts))
         for record, walls in zip(spool.ticks, spool.walls, strict=True):
             yield from self._tick(record, walls)
             on_tick(record.tick)
@@ -152,18 +124,27 @@ class Telling:
         while self._timings:
             yield self._timing()
         yield from self._realtime(spool.ticks[-1].tick, to_the_end=True)
+        yield Message(topics.REFUSED, spool.ticks[-1].tick, 0, self._refused())
         if spool.outcome is not None:
-            refused = {
+            body = bodies.of_outcome(spool.outcome)
+            yield Message(topics.OUTCOME, spool.outcome.tick, 0, body)
+
+    def _refused(self) -> Body:
+        return bodies.of_refused(
+            {
+                (self.joints[sender], self.joints[receiver]): self._told.refused((sender, receiver))
+                for sender, receiver in self._told.links
+            },
+            {
                 joint: self._told.refused_by_network(board)
                 for board, joint in enumerate(self.joints)
-            }
-            body = bodies.of_outcome(spool.outcome, refused)
-            yield Message(OUTCOME, spool.outcome.tick, 0, body)
+            },
+        )
 
     def _tick(self, record: TickRecord, walls: Walls | None) -> Iterator[Message]:
         """Take one tick; give those that can be told in full by now."""
         told = self._told.tick(record)
-        self._held[record.tick] = Held(told, walls)
+        self._held[record.tick] = PendingTick(told, walls)
         self._settle(told.settled)
         while self._held:
             tick, held = next(iter(self._held.items()))
@@ -172,61 +153,61 @@ class Telling:
             del self._held[tick]
             yield from self._tell(tick, held)
 
-    def _settle(self, settled: list[Settled]) -> None:
+    def _settle(self, settled: list[FrameOutcome]) -> None:
         for frame in settled:
             if frame.said_tick not in self._held:
                 raise UnplayableError(f"a frame of tick {frame.said_tick} is told of again")
             self._held[frame.said_tick].fates.append(frame)
 
-    def _tell(self, tick: int, held: Held) -> Iterator[Message]:
+    def _tell(self, tick: int, held: PendingTick) -> Iterator[Message]:
         told, walls = held.told, held.walls
         opened_ns = walls.opened_ns if walls else 0
         for event in told.recorded.events:
-            yield Message(EVENT, tick, opened_ns, bodies.of_event(tick, event))
+            yield Message(topics.EVENT, tick, opened_ns, bodies.of_event(tick, event))
         for board, observation in told.observations.items():
             body = bodies.of_observation(observation)
-            yield Message(observation_topic(self.joints[board]), tick, opened_ns, body)
+            yield Message(topics.observation(self.joints[board]), tick, opened_ns, body)
         yield from self._answers(tick, held)
         for frame in held.fates:
             message = self._link(frame, told)
             if message is not None:
                 yield message
         closed_ns = walls.closed_ns if walls else 0
-        yield Message(PLANT_TICK, tick, closed_ns, bodies.of_tick(told.recorded))
+        yield Message(topics.PLANT_TICK, tick, closed_ns, bodies.of_tick(told.recorded))
         if walls is not None:
-            yield Message(TIMING, tick, walls.closed_ns, bodies.of_walls(tick, walls))
+            yield Message(topics.TIMING, tick, walls.closed_ns, bodies.of_walls(tick, walls))
         while self._timings and self._timings[0][1].tick <= tick:
             yield self._timing()
         yield from self._realtime(tick)
         while self._epochs and self._epochs[0]["tick"] == tick:
-            yield Message(EPOCH, tick, 0, self._epochs.popleft())
+            yield Message(topics.EPOCH, tick, 0, self._epochs.popleft())
 
-    def _answers(self, tick: int, held: Held) -> Iterator[Message]:
+    def _answers(self, tick: int, held: PendingTick) -> Iterator[Message]:
         answers = zip(self.joints, held.told.answers, held.told.recorded.answers, strict=True)
         for board, (joint, frame, payload) in enumerate(answers):
             if frame is not None:
                 answered_ns = held.walls.answered_ns[board] if held.walls else 0
                 body = bodies.of_torque(frame, payload)
-                yield Message(torque_topic(joint), tick, answered_ns, body)
+                yield Message(topics.torque(joint), tick, answered_ns, body)
 
-    def _link(self, frame: Settled, told: Told) -> Message | None:
+    def _link(self, frame: FrameOutcome, told: ReconstructedTick) -> Message | None:
         sender, receiver = frame.link
         answer = told.answers[sender]
-        if answer is None:
+        if frame.fate is FrameFate.UNSAID:
             return None
         place = neighbours(sender, len(self.joints)).index(receiver)
-        said = told.links.get(frame.link)
-        content = None if said is None else decode(LinkFrame, said)
         return Message(
-            link_topic(self.joints[sender], self.joints[receiver]),
+            topics.link(self.joints[sender], self.joints[receiver]),
             frame.said_tick,
             self._spoken_ns.get((sender, frame.said_tick), 0),
-            bodies.of_link(frame, answer.links[place].sent_crc, content),
+            bodies.of_link(
+                frame, answer and answer.links[place].sent_crc, told.links.get(frame.link)
+            ),
         )
 
     def _timing(self) -> Message:
         board, timing = self._timings.popleft()
-        topic = timing_topic(self.joints[board])
+        topic = topics.timing(self.joints[board])
         return Message(topic, timing.tick, timing.base_ns, bodies.of_timing(timing))
 
     def _realtime(self, tick: int, *, to_the_end: bool = False) -> Iterator[Message]:
@@ -234,17 +215,17 @@ class Telling:
         while self._next_account is not None:
             board, payload, told = self._next_account
             if told is None:
-                yield Message(PACE, tick, 0, payload)
+                yield Message(topics.PACE, tick, 0, payload)
             elif isinstance(told, LastWord):
                 body = realtime.of_last_word(told, payload)
-                yield Message(last_word_topic(self.joints[board]), tick, 0, body)
+                yield Message(topics.last_word(self.joints[board]), tick, 0, body)
             else:
                 period = self._periods[board]
                 if told.lived[-1].slot * period > tick and not to_the_end:
                     return
                 for body in realtime.of_trace(told, payload, period):
                     spoken_ns = min((body["woke_us"] + body["busy_us"]) * 1000, NS_MAX)
-                    yield Message(turn_topic(self.joints[board]), body["tick"], spoken_ns, body)
+                    yield Message(topics.turn(self.joints[board]), body["tick"], spoken_ns, body)
             self._next_account = next(self._accounts, None)
 
 

@@ -9,7 +9,7 @@ Rule 3: what has many shapes (a scenario, facts, an event) is there as JSON text
 
 from typing import Any, NamedTuple
 
-from deploy.recording.fates import Fate
+from deploy.recording.frame_fate import FrameFate
 from protocol.robot.sensors import MEANINGS
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, Reason
@@ -151,12 +151,14 @@ TORQUE = Kind(
 LINK = Kind(
     "decmesh.LinkFrame",
     "What a board said to a neighbour, and what became of it. Computed again, and checked by the"
-    " CRC-32 in the sender's receipt; of a board that is not ours there is the fate alone.",
+    " CRC-32 in the sender's receipt; of a board that is not ours, or that did not complete the"
+    " tick, there is the fate alone.",
     {
         **TICK,
-        "fate": (TEXT, ", ".join(fate.name.lower() for fate in Fate)),
+        "fate": (TEXT, ", ".join(fate.name.lower() for fate in FrameFate)),
         "heard_tick": (INTEGER, f"when it was used first; {NO_TICK}: never"),
-        "sent_crc": (INTEGER, "CRC-32 of the frame, by its sender's receipt"),
+        "sent_crc": (INTEGER, "CRC-32 of the frame, by its sender's receipt, if there is one"),
+        "frame_bytes": (INTEGER, "its size on the wire; 0: not known"),
         **SENDER,
         "echo_tick": (INTEGER, f"newest tick heard from the addressee; {NO_TICK}: none"),
         **GOSSIP,
@@ -169,7 +171,7 @@ LINK = Kind(
         "com_x_m_s": (NUMBER, "its velocity; 0 upwards"),
         "com_y_m_s": (NUMBER, "its velocity; 0 upwards"),
     },
-    frozenset({*SENDER, *GOSSIP, "echo_tick", "sample_tick", "lower_link_rad"})
+    frozenset({"sent_crc", *SENDER, *GOSSIP, "echo_tick", "sample_tick", "lower_link_rad"})
     | {"lower_link_rad_s", "mass_kg", "com_x_m", "com_y_m", "com_x_m_s", "com_y_m_s"},
 )
 EPOCH = Kind(
@@ -182,6 +184,7 @@ EPOCH = Kind(
         "members": ([TEXT], "joints whose boards began it, from the ground up"),
         "w_rad": ([NUMBER], "urgencies that they began with, the paper's w"),
         "rounds_to_agreement": (INTEGER, "after which all knew the largest w; -1: they did not"),
+        "known_after_rounds": ([INTEGER], "after which each knew the largest w; -1: it did not"),
         "y": ([INTEGER], "enabling variables in the end: 1 moves, 0 holds"),
     },
 )
@@ -248,7 +251,24 @@ OUTCOME = Kind(
             ],
             "joints that nobody drove in the end",
         ),
-        "refused_by_network": (
+    },
+)
+REFUSED = Kind(
+    "decmesh.Refused",
+    "Frames that boards refused in the whole run, warm-up included.",
+    {
+        "by_link": (
+            [
+                {
+                    "sender": (TEXT, "whose board said them"),
+                    "receiver": (TEXT, "whose board refused them"),
+                    "reason": (TEXT, ", ".join(Reason)),
+                    "frames": (INTEGER, "how many, had the network brought everything once"),
+                }
+            ],
+            "on each directed link: frames that the link model had damaged, or that were void",
+        ),
+        "by_network": (
             [
                 {
                     "joint": (TEXT, "whose board refused them"),
@@ -256,7 +276,7 @@ OUTCOME = Kind(
                     "frames": (INTEGER, "how many"),
                 }
             ],
-            "frames refused that no link model had touched",
+            "frames that no link model had touched",
         ),
     },
 )

@@ -17,8 +17,9 @@ from matplotlib.lines import Line2D
 
 from deploy.outcome.drawing import INK, PALE, board_colour
 from deploy.outcome.figures import DOTS_PER_INCH, WIDTH_IN
-from deploy.recording.arrays import Fate, LinkHistory, Recording
+from deploy.recording.arrays import LinkHistory, Recording
 from deploy.recording.epochs import NOT_KNOWN, Epochs
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.link_counts import MISSED
 from deploy.recording.trajectory import Floats
 
@@ -31,12 +32,12 @@ BROKEN_AT = 0.4
 BEYOND_MAX = 0.55
 """How far past the last round the picture goes, in ticks; less where there are few rounds."""
 MARKS = {
-    Fate.LOST: "x",
-    Fate.CORRUPT: "s",
-    Fate.CUT: "|",
-    Fate.NOBODY: "o",
-    Fate.VOID: "D",
-    Fate.PENDING: ">",
+    FrameFate.LOST: "x",
+    FrameFate.CORRUPT: "s",
+    FrameFate.CUT: "|",
+    FrameFate.NOBODY: "o",
+    FrameFate.VOID: "D",
+    FrameFate.PENDING: ">",
 }
 GREY = "0.6"
 
@@ -169,13 +170,13 @@ def _fitting(labels: Sequence[str], scene: Scene) -> str:
 
 def _draw_frames(
     axes: Axes, scene: Scene, link: LinkHistory, sender: int, receiver: int
-) -> list[Fate]:
+) -> list[FrameFate]:
     """Draw what one board said to another in these rounds; return what became of the frames."""
-    used: list[Fate] = []
+    used: list[FrameFate] = []
     for round_ in range(scene.rounds):
         tick = scene.first_tick + round_
-        fate = Fate(int(link.fate[tick]))
-        if fate is Fate.UNSAID:
+        fate = FrameFate(int(link.fate[tick]))
+        if fate is FrameFate.UNSAID:
             continue
         used.append(fate)
         colour = _said_colour(scene, tick, sender)
@@ -197,7 +198,7 @@ def _draw_frames(
                 "arrowstyle": "-|>" if end[0] == heard else "-",
                 "color": colour,
                 "linewidth": 1.7 if learned else 0.8,
-                "linestyle": "-" if fate is Fate.HEARD else (0, (4, 2)),
+                "linestyle": "-" if fate is FrameFate.HEARD else (0, (4, 2)),
                 "mutation_scale": 7.0,
                 "shrinkA": 3.5,
                 "shrinkB": 4.0 if end[0] == heard else 0.0,
@@ -268,11 +269,11 @@ def _name_axes(axes: Axes, scene: Scene) -> None:
         axes.axvline(round_, color="0.93", linewidth=0.6, zorder=-1)
 
 
-def _draw_legend(axes: Axes, used: list[Fate]) -> None:
+def _draw_legend(axes: Axes, used: list[FrameFate]) -> None:
     """Explain the arrows and marks that are there."""
     lines = [Line2D([], [], color=INK, linewidth=1.7, label="heard, and news")]
     lines.append(Line2D([], [], color=INK, linewidth=0.8, label="heard, known already"))
-    if Fate.LATE in used:
+    if FrameFate.LATE in used:
         lines.append(Line2D([], [], color=INK, linewidth=0.8, linestyle=(0, (4, 2)), label="late"))
     for fate, marker in MARKS.items():
         if fate in used:

@@ -17,8 +17,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentF
 
 from deploy.outcome.drawing import INK, PALE, board_colour
 from deploy.outcome.figures import DOTS_PER_INCH
-from deploy.recording.arrays import Fate
 from deploy.recording.epochs import NOT_KNOWN, Epochs
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.latency import Spread, spread
 from deploy.recording.link_counts import FATES, LinkCounts
 from deploy.recording.trajectory import Floats, Integers
@@ -40,15 +40,15 @@ FEW_SHOW = 0.4
 DARK = 0.5
 """Of the largest share, from which numbers are white."""
 SHARES = LinearSegmentedColormap.from_list("shares", ["#ffffff", "#dbe3e8", "#7f97a6", "#2b4352"])
-FATE_LOOKS: dict[Fate, dict[str, Any]] = {
-    Fate.HEARD: {"color": "#d9dfe3"},
-    Fate.LATE: {"color": "#ddcc77"},
-    Fate.LOST: {"color": "#882255"},
-    Fate.CORRUPT: {"color": "#999933"},
-    Fate.CUT: {"color": "#222222"},
-    Fate.NOBODY: {"facecolor": "white", "edgecolor": "0.55", "hatch": "/////"},
-    Fate.VOID: {"facecolor": "white", "edgecolor": "0.55", "hatch": "....."},
-    Fate.PENDING: {"color": "0.7"},
+FATE_LOOKS: dict[FrameFate, dict[str, Any]] = {
+    FrameFate.HEARD: {"color": "#d9dfe3"},
+    FrameFate.LATE: {"color": "#ddcc77"},
+    FrameFate.LOST: {"color": "#882255"},
+    FrameFate.CORRUPT: {"color": "#999933"},
+    FrameFate.CUT: {"color": "#222222"},
+    FrameFate.NOBODY: {"facecolor": "white", "edgecolor": "0.55", "hatch": "/////"},
+    FrameFate.VOID: {"facecolor": "white", "edgecolor": "0.55", "hatch": "....."},
+    FrameFate.PENDING: {"color": "0.7"},
 }
 
 

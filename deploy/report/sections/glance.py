@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from deploy.recording.arrays import Fate
 from deploy.recording.epochs import NOT_KNOWN
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.latency import Spread, decisions_ns, spread, ticks_ns
 from deploy.recording.link_counts import MISSED, total
 from deploy.report.page import Section, Table
@@ -96,7 +96,7 @@ def _ms(found: Spread | None) -> str:
     return f"{found.p50 / 1e6:.2f} ms (p50), {found.p99 / 1e6:.2f} ms (p99)"
 
 
-def _frames(run: Run, *counted: Fate) -> str:
+def _frames(run: Run, *counted: FrameFate) -> str:
     sent, fates = total(run.links)
     if not sent:
         return NONE
@@ -122,8 +122,8 @@ FACTS: dict[str, Callable[[Run], str]] = {
     "epochs with several enabled": lambda run: _seldom(run, lambda of: _enabled(of, 2, 10**6)),
     "epoch start to decision": _decision,
     "frames sent": lambda run: NONE if run.in_realtime else f"{total(run.links)[0]:,}",
-    "heard in the next tick": lambda run: _frames(run, Fate.HEARD),
-    "heard late": lambda run: _frames(run, Fate.LATE),
+    "heard in the next tick": lambda run: _frames(run, FrameFate.HEARD),
+    "heard late": lambda run: _frames(run, FrameFate.LATE),
     "lost on their way": lambda run: _frames(run, *MISSED),
     "tick": _tick,
     "deadlines missed": _missed,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deploy.recording.arrays import Fate
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.latency import Spread, spread, ways_ns
 from deploy.recording.link_counts import FATES
 from deploy.recording.trajectory import Floats
@@ -23,17 +23,17 @@ from deploy.report.sections.run_table import (
 )
 
 MEANINGS = {
-    Fate.HEARD: "used in the tick after it was said",
-    Fate.LATE: "used later",
-    Fate.LOST: "dropped by a fault of the link",
-    Fate.CORRUPT: "a bit was flipped on the way, and the receiver refused it",
-    Fate.CUT: "the link was cut",
-    Fate.NOBODY: "there was no board at the other end, or a new one",
-    Fate.VOID: "its sender died in that tick or right after it, or its receiver was told to go on"
-    " without it",
-    Fate.PENDING: "the recording ends before it was due",
+    FrameFate.HEARD: "used in the tick after it was said",
+    FrameFate.LATE: "used later",
+    FrameFate.LOST: "dropped by a fault of the link",
+    FrameFate.CORRUPT: "a bit was flipped on the way, and the receiver refused it",
+    FrameFate.CUT: "the link was cut",
+    FrameFate.NOBODY: "there was no board at the other end, or a new one",
+    FrameFate.VOID: "its sender died in that tick or right after it, or its receiver was told to go"
+    " on without it",
+    FrameFate.PENDING: "the recording ends before it was due",
 }
-ALWAYS_COUNTED = {Fate.HEARD, Fate.LATE, Fate.LOST}
+ALWAYS_COUNTED = {FrameFate.HEARD, FrameFate.LATE, FrameFate.LOST}
 """Also where no frame has come to that."""
 NO_SHARED_CLOCK = (
     "No one-way times: the processes do not read one clock, as far as they say, so what a frame"

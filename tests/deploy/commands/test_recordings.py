@@ -18,10 +18,10 @@ from deploy.failure import FailedError
 from deploy.outcome import results
 from deploy.outcome.indices import all_indices
 from deploy.outcome.results import read_run
-from deploy.recording.arrays import read_recording
 from deploy.recording.files import UnreadableError
 from deploy.recording.logical_digest import logical_sha256
 from deploy.recording.mcap.file import read_mcap, write_mcap
+from deploy.recording.reading import read_recording
 from deploy.recording.trajectory import CUT_OFF, recorded_trajectory
 from plant_server.spool import spool as spools
 from plant_server.spool.spool import Spool, SpoolWriter
@@ -51,8 +51,7 @@ def of_here() -> Spool:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run."""
     folder = tmp_path_factory.mktemp("run")
-    of = of_here()
-    write_mcap(of, recorded_trajectory(of), folder / "run.mcap", lambda _tick: None)
+    filed(of_here(), folder)
     return folder
 
 
@@ -64,6 +63,13 @@ def spooled(of: Spool, folder: Path) -> Path:
         for record, walls in zip(of.ticks, of.walls, strict=True):
             writer.append(record, walls)
         writer.close(of.outcome)
+    return path
+
+
+def filed(of: Spool, folder: Path) -> Path:
+    """The file that is made of a run."""
+    path = folder / "run.mcap"
+    write_mcap(of, recorded_trajectory(of), path, lambda _tick: None)
     return path
 
 
@@ -327,8 +333,8 @@ def test_without_its_library_parquet_says_what_to_install(
 
 def test_without_elections_there_is_no_table_of_them(tmp_path: Path) -> None:
     of = spool("paper", "run.duration_s=0.05", "election.enabled=false")
-    typed("export", spooled(of, tmp_path), "--to", "npz")
-    assert {path.name for path in tmp_path.iterdir()} == {"run.spool", "ticks.npz", "events.npz"}
+    typed("export", filed(of, tmp_path), "--to", "npz")
+    assert {path.name for path in tmp_path.iterdir()} == {"run.mcap", "ticks.npz", "events.npz"}
 
 
 @pytest.mark.parametrize("command", [("replay",), ("recover",), ("export", "--to", "csv")])
@@ -383,7 +389,17 @@ def test_a_tick_of_another_body_is_refused(tmp_path: Path) -> None:
     ticks[20] = ticks[20]._replace(angles_rad=(1.0, 2.0))
     path = spooled(of._replace(ticks=ticks), tmp_path)
     with pytest.raises(UnreadableError, match="tick 10 is not of 3 joints"):
-        typed("export", path, "--to", "csv")
+        typed("replay", path)
+
+
+@pytest.mark.parametrize("command", [("report",), ("export", "--to", "csv")])
+def test_of_a_spool_a_file_has_to_be_made_first(tmp_path: Path, command: tuple[str, ...]) -> None:
+    """Reading computes nothing again, and a spool does not hold what a run.mcap does."""
+    path = spooled(of_here(), tmp_path / "run")
+    with pytest.raises(UnreadableError, match=r"is a spool; decmesh recover .*run makes run.mcap"):
+        typed(command[0], path.parent, *command[1:])
+    typed("recover", path.parent)
+    assert typed(command[0], path.parent, *command[1:]).exit_code == ExitCode.OK
 
 
 def test_the_shell_sees_one_line_and_an_exit_code(tmp_path: Path, whole: Path) -> None:

@@ -5,7 +5,8 @@ from functools import cache
 
 import pytest
 
-from deploy.recording.fates import NEVER, Fate, Settled
+from deploy.recording.fates import FrameOutcome
+from deploy.recording.frame_fate import NEVER, FrameFate
 from deploy.recording.reconstruction import Reconstruction
 from plant_server.spool.spool import Spool
 from protocol.robot.scenario import resolved
@@ -14,7 +15,7 @@ from protocol.wire.frames import CRC_BYTES, TorqueFrame, decode, encode
 from protocol.wire.wiring import neighbours
 from tests.deploy.spools import SHORT, bad_link, spool
 
-Frames = dict[tuple[int, int, int], Settled]
+Frames = dict[tuple[int, int, int], FrameOutcome]
 
 
 def follow(of: Spool) -> Frames:
@@ -22,7 +23,7 @@ def follow(of: Spool) -> Frames:
     told = Reconstruction(resolved(of.scenario))
     found: Frames = {}
 
-    def keep(settled: list[Settled]) -> None:
+    def keep(settled: list[FrameOutcome]) -> None:
         for frame in settled:
             key = (*frame.link, frame.said_tick)
             assert key not in found, "settled twice"
@@ -39,7 +40,7 @@ def frames(name: str, *settings: str) -> Frames:
     return follow(spool(name, *settings))
 
 
-def counts(found: Frames, link: tuple[int, int], first: int, end: int) -> Counter[Fate]:
+def counts(found: Frames, link: tuple[int, int], first: int, end: int) -> Counter[FrameFate]:
     return Counter(found[*link, tick].fate for tick in range(first, end))
 
 
@@ -68,27 +69,27 @@ def test_a_frame_was_heard_when_its_receiver_says_so(name: str) -> None:
     heard = {key: one.heard_tick for key, one in frames(name).items() if one.heard_tick != NEVER}
     assert heard == receipts
     for (_, _, said_tick), frame in frames(name).items():
-        assert (frame.fate is Fate.HEARD) == (frame.heard_tick == said_tick + 1)
-        assert (frame.fate is Fate.LATE) == (frame.heard_tick > said_tick + 1)
+        assert (frame.fate is FrameFate.HEARD) == (frame.heard_tick == said_tick + 1)
+        assert (frame.fate is FrameFate.LATE) == (frame.heard_tick > said_tick + 1)
 
 
 @pytest.mark.parametrize(
     ("parameters", "fate", "late_ticks"),
     [
-        ({}, Fate.HEARD, 0),
-        ({"loss": 1.0}, Fate.LOST, None),
-        ({"burst_start": 1.0, "burst_end": 0.0}, Fate.LOST, None),
-        ({"cut": 1.0}, Fate.CUT, None),
-        ({"cut": 1.0, "loss": 1.0}, Fate.CUT, None),
-        ({"corrupt": 1.0}, Fate.CORRUPT, None),
-        ({"delay_ticks": 4.0}, Fate.LATE, 4),
-        ({"reorder": 1.0}, Fate.LATE, 1),
-        ({"duplicate": 1.0}, Fate.HEARD, 0),
-        ({"duplicate": 1.0, "delay_ticks": 31.0, "jitter_ticks": 0.0}, Fate.LATE, 31),
+        ({}, FrameFate.HEARD, 0),
+        ({"loss": 1.0}, FrameFate.LOST, None),
+        ({"burst_start": 1.0, "burst_end": 0.0}, FrameFate.LOST, None),
+        ({"cut": 1.0}, FrameFate.CUT, None),
+        ({"cut": 1.0, "loss": 1.0}, FrameFate.CUT, None),
+        ({"corrupt": 1.0}, FrameFate.CORRUPT, None),
+        ({"delay_ticks": 4.0}, FrameFate.LATE, 4),
+        ({"reorder": 1.0}, FrameFate.LATE, 1),
+        ({"duplicate": 1.0}, FrameFate.HEARD, 0),
+        ({"duplicate": 1.0, "delay_ticks": 31.0, "jitter_ticks": 0.0}, FrameFate.LATE, 31),
     ],
 )
 def test_the_fate_is_what_the_link_does(
-    parameters: dict[str, float], fate: Fate, late_ticks: int | None
+    parameters: dict[str, float], fate: FrameFate, late_ticks: int | None
 ) -> None:
     found = follow(bad_link(**parameters))
     last = 299 - (late_ticks or 0)
@@ -97,37 +98,39 @@ def test_the_fate_is_what_the_link_does(
         for tick in range(last):
             heard_tick = NEVER if late_ticks is None else tick + 1 + late_ticks
             assert found[*link, tick].heard_tick == heard_tick
-    assert counts(found, (0, 1), -10, 299) == Counter({Fate.HEARD: 309}), "the other is perfect"
+    assert counts(found, (0, 1), -10, 299) == Counter({FrameFate.HEARD: 309}), (
+        "the other is perfect"
+    )
 
 
 def test_what_was_under_way_when_the_recording_ends_is_pending() -> None:
     found = follow(bad_link(delay_ticks=4.0))
-    assert counts(found, (1, 2), 295, 300) == Counter({Fate.PENDING: 5})
-    assert counts(found, (0, 1), 299, 300) == Counter({Fate.PENDING: 1})
+    assert counts(found, (1, 2), 295, 300) == Counter({FrameFate.PENDING: 5})
+    assert counts(found, (0, 1), 299, 300) == Counter({FrameFate.PENDING: 1})
 
 
 def test_warm_up_knows_no_faults() -> None:
-    assert counts(follow(bad_link(cut=1.0)), (1, 2), -10, -1) == Counter({Fate.HEARD: 9})
+    assert counts(follow(bad_link(cut=1.0)), (1, 2), -10, -1) == Counter({FrameFate.HEARD: 9})
 
 
 def test_of_two_copies_the_first_counts() -> None:
     """One of each pair is up to 5 ticks late, the other as well: the earlier of the two."""
     of = bad_link(duplicate=1.0, jitter_ticks=5.0)
     kinds = counts(follow(of), (1, 2), 0, 290)
-    assert set(kinds) == {Fate.HEARD, Fate.LATE}
-    assert kinds[Fate.HEARD] > 290 / 6, "more often than one copy alone would be"
+    assert set(kinds) == {FrameFate.HEARD, FrameFate.LATE}
+    assert kinds[FrameFate.HEARD] > 290 / 6, "more often than one copy alone would be"
 
 
 def test_a_pulled_board_says_nothing_and_hears_nothing() -> None:
     """Hotplug: the hip is away from tick 100 on, and back in tick 200."""
     found = frames("hotplug")
     up, down = (1, 2), (2, 1)
-    assert found[*down, 99].fate is Fate.VOID, "said, but gone when it would have been heard"
-    assert counts(found, down, 100, 200) == Counter({Fate.UNSAID: 100})
-    assert counts(found, down, 200, 399) == Counter({Fate.HEARD: 199})
-    assert counts(found, up, 98, 99) == Counter({Fate.HEARD: 1})
-    assert counts(found, up, 99, 200) == Counter({Fate.NOBODY: 101}), "the new one did not ask"
-    assert counts(found, up, 200, 399) == Counter({Fate.HEARD: 199})
+    assert found[*down, 99].fate is FrameFate.VOID, "said, but gone when it would have been heard"
+    assert counts(found, down, 100, 200) == Counter({FrameFate.UNSAID: 100})
+    assert counts(found, down, 200, 399) == Counter({FrameFate.HEARD: 199})
+    assert counts(found, up, 98, 99) == Counter({FrameFate.HEARD: 1})
+    assert counts(found, up, 99, 200) == Counter({FrameFate.NOBODY: 101}), "the new one did not ask"
+    assert counts(found, up, 200, 399) == Counter({FrameFate.HEARD: 199})
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -174,7 +177,7 @@ def test_refusals_by_the_network_are_those_beyond_the_models() -> None:
     for record in ticks:
         told.tick(record)
     assert [told.refused_by_network(board) for board in range(3)] == [{}, {"tick": 3}, {}]
-    damaged = Counter(frame.fate for frame in follow(of).values())[Fate.CORRUPT]
+    damaged = Counter(frame.fate for frame in follow(of).values())[FrameFate.CORRUPT]
     refused = [told.refused(link) for link in [(1, 2), (2, 1)]]
     assert [set(reasons) for reasons in refused] == [{"corrupt"}, {"corrupt"}]
     assert sum(reasons["corrupt"] for reasons in refused) == damaged > 100

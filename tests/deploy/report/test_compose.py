@@ -12,7 +12,9 @@ import pytest
 from deploy.failure import FailedError
 from deploy.launch import run as runs
 from deploy.launch.processes import Watch
-from deploy.recording.arrays import Fate, Recording
+from deploy.outcome import results
+from deploy.recording.arrays import Recording
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.trajectory import Trajectory
 from deploy.report.compose import PICTURES, REPORT, compose, write
 from deploy.report.page import Figure, Page, Table
@@ -122,7 +124,7 @@ def test_processes_without_a_shared_clock_say_why_no_way_is_timed(three: Page) -
 def test_heard_late_and_lost_are_counted_also_where_there_are_none() -> None:
     of = recording(run("paper", "run.duration_s=0.3"))
     links = {
-        pair: replace(link, fate=np.full_like(link.fate, Fate.CUT))
+        pair: replace(link, fate=np.full_like(link.fate, FrameFate.CUT))
         for pair, link in of.links.items()
     }
     blocks = traffic([look_at(replace(of, links=links), "run")], Pictures(several=False)).blocks
@@ -220,6 +222,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path.mkdir()
     scenario = load("lossy", ["run.duration_s=0.3"])
     runs.run(scenario, path, twin=True, watch=Watch(lambda _tick: None, lambda _line: None))
+    done = results.conclude(path, "twin")
+    assert done is not None
+    assert len(list(results.write(done, path, lambda _tick: None))) == 2
     return path
 
 

@@ -14,7 +14,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from deploy.recording.logical_digest import logical_sha256
-from deploy.recording.mcap.file import METADATA, NoRecordingError, read_mcap, write_mcap
+from deploy.recording.mcap.contents import METADATA, NoRecordingError
+from deploy.recording.mcap.file import read_mcap, write_mcap
 from deploy.recording.mcap.messages import channels
 from deploy.recording.trajectory import recorded_trajectory
 from plant_server.record import FELL, Undriven
@@ -132,7 +133,7 @@ def test_the_metadata_say_what_it_is_without_reading_on(tmp_path: Path) -> None:
     about = found[METADATA]
     assert about.pop("logical_sha256") == logical_sha256(of)
     assert len(about.pop("digest")) == 64
-    assert about == {"format": "1", "complete": "true", "scenario": "paper", "ticks": "300"}
+    assert about == {"format": "2", "complete": "true", "scenario": "paper", "ticks": "300"}
     assert found["facts"]["mode"] == "processes"
     assert found["facts"]["clock"] == "7"
 
@@ -322,5 +323,5 @@ def test_other_files_are_told_from_ours(tmp_path: Path) -> None:
         writer.start()
         writer.add_metadata(METADATA, {"format": "99"})
         writer.finish()
-    with pytest.raises(NoRecordingError, match="format 99, and this decmesh reads format 1"):
+    with pytest.raises(NoRecordingError, match="format 99, and this decmesh reads format 2"):
         read_mcap(path)

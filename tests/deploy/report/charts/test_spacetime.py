@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from deploy.recording.arrays import Fate, Recording
+from deploy.recording.arrays import Recording
 from deploy.recording.epochs import NOT_KNOWN, Epochs, epochs
+from deploy.recording.frame_fate import FrameFate
 from deploy.recording.link_counts import MISSED
 from deploy.report.charts.spacetime import MARKS, Scene, outcome, spacetime, telling_epoch
 from tests.deploy.recordings import recording, run
@@ -39,14 +40,14 @@ def test_every_frame_of_the_rounds_arrives_or_breaks_off(stormy: Recording) -> N
     found = elected(stormy)
     for row in (0, 7, 42, 99):
         rounds = slice(found.first_tick[row], found.latch_tick[row])
-        fates = [Fate(fate) for link in stormy.links.values() for fate in link.fate[rounds]]
+        fates = [FrameFate(fate) for link in stormy.links.values() for fate in link.fate[rounds]]
         axes = spacetime(Scene(stormy, found, row)).axes[0]
-        assert arrows(axes) == sum(fate in (Fate.HEARD, Fate.LATE) for fate in fates)
+        assert arrows(axes) == sum(fate in (FrameFate.HEARD, FrameFate.LATE) for fate in fates)
         assert marks(axes) == sum(fate in MARKS for fate in fates) > 0
 
 
 def test_every_fate_is_an_arrow_a_mark_or_nothing_at_all() -> None:
-    assert set(MARKS) == set(Fate) - {Fate.HEARD, Fate.LATE, Fate.UNSAID}
+    assert set(MARKS) == set(FrameFate) - {FrameFate.HEARD, FrameFate.LATE, FrameFate.UNSAID}
 
 
 def test_the_first_epoch_that_lost_a_frame_is_shown(stormy: Recording) -> None:
@@ -56,7 +57,7 @@ def test_the_first_epoch_that_lost_a_frame_is_shown(stormy: Recording) -> None:
         pair: replace(
             link,
             fate=np.where(
-                np.arange(len(link.fate)) < found.first_tick[clean_until], Fate.LATE, link.fate
+                np.arange(len(link.fate)) < found.first_tick[clean_until], FrameFate.LATE, link.fate
             ),
         )
         for pair, link in stormy.links.items()
@@ -76,7 +77,7 @@ def test_the_first_epoch_that_lost_a_frame_is_shown(stormy: Recording) -> None:
 
 def test_without_a_lost_frame_it_is_the_first_epoch(stormy: Recording) -> None:
     links = {
-        pair: replace(link, fate=np.full_like(link.fate, Fate.HEARD))
+        pair: replace(link, fate=np.full_like(link.fate, FrameFate.HEARD))
         for pair, link in stormy.links.items()
     }
     assert telling_epoch(replace(stormy, links=links), elected(stormy)) == 0

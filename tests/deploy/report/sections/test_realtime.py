@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from deploy.recording.arrays import Recording
-from deploy.recording.arrays import recording as recording_of
 from deploy.recording.realtime_times import realtime_times
 from deploy.report.compose import compose
 from deploy.report.page import Figure, Page, Table
@@ -15,7 +14,7 @@ from deploy.report.runs import look_at
 from deploy.report.sections.run_table import NO_BARRIER
 from deploy.scenario_file.load import load
 from plant_server.spool.spool import Spool
-from tests.deploy.recordings import recording, run
+from tests.deploy.recordings import read_back, recording, run
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
 pytestmark = pytest.mark.slow
@@ -31,7 +30,7 @@ def spool(*settings: str) -> Spool:
 
 @cache
 def by_the_wall(*settings: str) -> Recording:
-    return recording_of(spool(*settings))
+    return read_back(spool(*settings))
 
 
 def page_of(*recordings: Recording) -> Page:
@@ -115,7 +114,7 @@ def test_a_recording_that_was_cut_off_is_told_as_far_as_it_goes(kept: float) -> 
     cut = whole._replace(
         ticks=ticks, walls=whole.walls[: len(ticks)], realtime=told, outcome=None, complete=False
     )
-    page = page_of(recording_of(cut))
+    page = page_of(read_back(cut))
     assert "incomplete" in page.warnings[0]
     assert page.html()
 

@@ -1,0 +1,259 @@
+"""Messages of `run.mcap` as typed rows, channel by channel: what the report and tables are made of.
+
+Rule 1: a row has the fields that are wanted, and the others of its message are passed over.
+Rule 2: a file is believed. What its messages say need not follow from its records; whether it does,
+        `decmesh replay` finds out. But a row has the types of its fields, or the file is refused.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from deploy.recording.mcap import realtime, schema
+from deploy.recording.mcap.contents import DAMAGE, Content, NoRecordingError, contents
+
+Numbers = list[float]
+Integers = list[int]
+
+
+class ScenarioRow(msgspec.Struct):
+    """What was run."""
+
+    resolved: str
+    """JSON text."""
+
+
+class FactsRow(msgspec.Struct):
+    """Where and with what it was run."""
+
+    all: str
+    """JSON text."""
+
+
+class TickRow(msgspec.Struct):
+    """The body in one tick."""
+
+    tick: int
+    angles_rad: Numbers
+    rates_rad_s: Numbers
+    torques_nm: Numbers
+
+
+class TorqueRow(msgspec.Struct):
+    """What a board answered."""
+
+    tick: int
+    """When it was said; in realtime it is in force later."""
+    torque_nm: float
+    state: int
+    enabled: int
+    controlled_rad: float
+    epoch: int
+    round: int
+    urgency: float
+    candidate: int
+
+
+class LinkRow(msgspec.Struct):
+    """A link frame, by what became of it."""
+
+    tick: int
+    fate: str
+    heard_tick: int
+    frame_bytes: int
+
+
+class EpochRow(msgspec.Struct):
+    """One election."""
+
+    epoch: int
+    tick: int
+    began_tick: int
+    members: list[str]
+    w_rad: Numbers
+    rounds_to_agreement: int
+    known_after_rounds: Integers
+    y: Integers
+
+
+class EventRow(msgspec.Struct):
+    """What happened to the robot."""
+
+    event: str
+    """JSON text."""
+
+
+class PlantTimingRow(msgspec.Struct):
+    """When the plant did what in a tick."""
+
+    tick: int
+    opened_ns: int
+    answered_ns: Integers
+    closed_ns: int
+
+
+class BoardTickRow(msgspec.Struct):
+    """When a board did what in a tick."""
+
+    taken_up_us: int
+    decided_us: int
+    said_us: int
+    first_arrived_us: int
+    second_arrived_us: int
+
+
+class BoardTimingRow(msgspec.Struct):
+    """When a board did what in some ticks on end, and what it has used."""
+
+    incarnation: int
+    tick: int
+    base_ns: int
+    clock: int
+    cpu_us: int
+    memory_kb: int
+    ticks: list[BoardTickRow]
+
+
+class LinkRefusedRow(msgspec.Struct):
+    """Frames that a board refused of a neighbour."""
+
+    sender: str
+    receiver: str
+    reason: str
+    frames: int
+
+
+class NetworkRefusedRow(msgspec.Struct):
+    """Frames that a board refused though no link model had touched them."""
+
+    joint: str
+    reason: str
+    frames: int
+
+
+class RefusedRow(msgspec.Struct):
+    """Frames that boards refused."""
+
+    by_link: list[LinkRefusedRow]
+    by_network: list[NetworkRefusedRow]
+
+
+class OutcomeRow(msgspec.Struct):
+    """How the run ended."""
+
+    tick: int
+    angles_rad: Numbers
+    rates_rad_s: Numbers
+    ending: str
+    wall_s: float
+
+
+class TakenRow(msgspec.Struct):
+    """What a turn was played with of one neighbour."""
+
+    newest_tick: int
+    before: int
+
+
+class TurnRow(msgspec.Struct):
+    """One turn of a board in realtime."""
+
+    incarnation: int
+    slot: int
+    woke_us: int
+    late_us: int
+    busy_us: int
+    phase_us: int
+    seen_tick: int
+    skipped: int
+    marks: int
+    taken: list[TakenRow]
+
+
+class PaceRow(msgspec.Struct):
+    """How the plant kept up with the wall clock."""
+
+    behind_ms_max: float
+    slipped_s: float
+
+
+READ = frozenset(
+    {
+        schema.SCENARIO.name,
+        schema.FACTS.name,
+        schema.PLANT_TICK.name,
+        schema.TORQUE.name,
+        schema.LINK.name,
+        schema.EPOCH.name,
+        schema.EVENT.name,
+        schema.TIMING.name,
+        schema.BOARD_TIMING.name,
+        schema.REFUSED.name,
+        schema.OUTCOME.name,
+        realtime.TURN.name,
+        realtime.PACE.name,
+    }
+)
+"""Kinds of messages that are read; observations, the largest, and last words are not."""
+
+Row = TypeVar("Row", bound=msgspec.Struct)
+
+
+class Channels:
+    """The messages of a file by their topics."""
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, str] = {}
+        self._messages: dict[str, list[bytes]] = {}
+        self._places: dict[str, list[int]] = {}
+
+    def take(self, content: Content, place: int) -> None:
+        """Keep a message, and how many ticks were told before it."""
+        self._messages.setdefault(content.topic, []).append(content.data)
+        self._places.setdefault(content.topic, []).append(place)
+
+    def rows(self, topic: str, kind: type[Row]) -> list[Row]:
+        """All messages of a topic. Raises `msgspec.MsgspecError` or ValueError."""
+        messages = self._messages.get(topic, [])
+        # All at once: what is read one by one takes twice as long. Numbers that are none are words.
+        rows = msgspec.json.decode(b"[%b]" % b",".join(messages), type=list[kind], strict=False)  # type: ignore[valid-type]
+        if len(rows) != len(messages):
+            raise ValueError(f"{len(messages)} messages on {topic} say {len(rows)} things")
+        return rows
+
+    def places(self, topic: str) -> Sequence[int]:
+        """For each of these rows, how many ticks were told before it."""
+        return self._places.get(topic, [])
+
+    def only(self, topic: str, kind: type[Row]) -> Row | None:
+        """The last message of a topic; None if there is none."""
+        found = self.rows(topic, kind)
+        return found[-1] if found else None
+
+
+def read_channels(path: Path) -> Channels:
+    """Read a file of ours. Raises OSError or `NoRecordingError`."""
+    found, ticks = Channels(), 0
+    with path.open("rb") as file:
+        try:
+            for item in contents(file, READ):
+                if isinstance(item, Content):
+                    found.take(item, ticks)
+                    ticks += item.kind == schema.PLANT_TICK.name
+                else:
+                    found.metadata = item
+        except NoRecordingError:
+            raise
+        except DAMAGE as error:
+            left = "decmesh recover reads what" if ticks else "nothing of the run"
+            raise NoRecordingError(f"it is damaged or cut off; {left} comes before that") from error
+    if not found.metadata:
+        raise NoRecordingError("it is an MCAP file, but not of decmesh")
+    return found
+
+
+def json_table(text: str) -> dict[str, Any]:
+    """A table that stands in a message as JSON text. Raises `msgspec.MsgspecError`."""
+    return msgspec.json.decode(text, type=dict[str, Any])
