@@ -157,7 +157,7 @@ def export(
 ) -> None:
     """Write ticks, epochs and events as tables, for an analysis of your own.
 
-    Every column is named with its unit; README says what each is.
+    Every column is named with its unit; deploy/docs/recordings.md explains them.
 
     Example: decmesh export runs/storm-20260101-120000 --to csv
     """

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import sys
 import textwrap
 from collections.abc import Iterable, Sequence
 
@@ -15,22 +16,16 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 def attribute_docs(kind: type) -> dict[str, str]:
     """Give the docstring below each attribute of a class, those of its parents included.
 
-    Raises `KeyError` for none: who needs one asks for it by name.
+    Parents are read from the source as well: a `TypedDict` does not remember its own.
     """
-    found: dict[str, str] = {}
-    for parent in reversed(kind.__mro__):
-        if parent.__module__.partition(".")[0] in OURS:
-            found.update(_own_attribute_docs(parent))
-    return found
-
-
-OURS = {"protocol", "module_agent", "plant_server", "deploy"}
-
-
-def _own_attribute_docs(kind: type) -> dict[str, str]:
     (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
     assert isinstance(definition, ast.ClassDef)
-    found = {}
+    names = vars(sys.modules[kind.__module__])
+    parents = [names.get(ast.unparse(parent)) for parent in definition.bases]
+    found: dict[str, str] = {}
+    for parent in parents:
+        if isinstance(parent, type) and parent.__module__.partition(".")[0] in OURS:
+            found.update(attribute_docs(parent))
     for attribute, text in zip(definition.body, definition.body[1:], strict=False):
         match attribute, text:
             case (
@@ -39,6 +34,10 @@ def _own_attribute_docs(kind: type) -> dict[str, str]:
             ):
                 found[name] = " ".join(doc.split())
     return found
+
+
+OURS = {"protocol", "module_agent", "plant_server", "deploy"}
+"""Packages whose classes are read; what others declare is no part of a document."""
 
 
 def _cell(value: object) -> str:

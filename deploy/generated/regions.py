@@ -10,15 +10,27 @@ marks where it is wanted; then `make docs`. A test holds every region of every d
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
+from deploy.generated.commands import commands, options
 from deploy.generated.exit_codes import exit_codes
+from deploy.generated.scenario_keys import scenario_keys
 from deploy.generated.scenarios import scenarios
+from deploy.generated.summary_keys import summary_keys
 
 ROOT = Path(__file__).parents[2]
 TABLES: dict[str, Callable[[], str]] = {
+    "commands": commands,
     "exit-codes": exit_codes,
+    "options-live": partial(options, "On a running robot"),
+    "options-measure": partial(options, "Measure"),
+    "options-recordings": partial(options, "Recordings"),
+    "options-run": partial(options, "Run"),
+    "options-scenarios": partial(options, "Scenarios"),
+    "scenario-keys": scenario_keys,
     "scenarios": scenarios,
+    "summary-keys": summary_keys,
 }
 REGION = re.compile(
     r"^<!-- generated: (?P<name>[a-z0-9-]+) -->\n.*?^<!-- end -->$", re.MULTILINE | re.DOTALL

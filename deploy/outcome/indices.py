@@ -76,23 +76,25 @@ class Energy(NamedTuple):
     positive: float
     """Sum over the joints of the integral of max(torque x rate, 0)."""
     absolute: float
-    """The same of |torque x rate|."""
+    """Sum over the joints of the integral of |torque x rate|."""
     net: float
-    """The same of torque x rate: what the joints gave less what they took."""
+    """Sum over the joints of the integral of torque x rate, with its sign."""
 
 
 class Elections(NamedTuple):
     """What the boards agreed on, epoch by epoch."""
 
     epochs: int
-    """Those whose last round was played before the run ended."""
+    """Elections whose last round was played before the run ended."""
     rounds_to_agreement: dict[str, int]
-    """How many epochs took so many rounds until all boards knew the maximum; or `NEVER` did."""
+    """How many epochs took so many rounds until all boards knew the maximum; `never`: not within R.
+    """
     enabled_0: int
     """Epochs after whose last round no board was enabled."""
     enabled_1: int
-    """One, as it should be."""
+    """Epochs after whose last round one board was enabled, as it should be."""
     enabled_2_or_more: int
+    """Epochs after whose last round several boards were enabled."""
 
 
 def samples(trajectory: Trajectory) -> Samples:

@@ -1,16 +1,6 @@
-"""How a run in realtime kept its time, summed up: the key `realtime` of `summary.json`.
+"""How a run in realtime kept its time, summed up: the key `realtime` of `summary.json`."""
 
-missed_share        of all deadlines of all boards
-boards.{joint}      rate_hz; periods, in_time, late, skipped, missed_share: what became of each
-deadline; torque_stale_ticks; epochs_decided, epochs_missed;
-period_ms, wake_late_ms, busy_ms, observation_age_ms, torque_age_ms,
-decision_ms, and neighbour_age_ms by neighbour: p50, p99 and max
-missed, round_ms    policy for missed deadlines, and how long a round of an election takes
-behind_ms_max       how late the plant was for a tick, at worst
-slipped_s           wall time that it gave up because it was too late
-"""
-
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,11 +8,76 @@ from deploy.recording.realtime_times import BoardTimes, RealtimeTimes
 from deploy.recording.trajectory import Floats
 
 Spread = dict[str, float | None]
+"""p50, p99 and max."""
 
 
-def realtime_summary(times: RealtimeTimes, joints: list[str]) -> dict[str, Any]:
+class DeadlineKeys(TypedDict):
+    """What became of a board's deadlines; times as p50, p99 and max."""
+
+    rate_hz: float
+    """Of its loop."""
+    periods: int
+    """Periods that there were; each is in time, late or skipped."""
+    in_time: int
+    """Its torque was sent before the end of the period."""
+    late: int
+    """Its torque was sent after that, or the period was made up for."""
+    skipped: int
+    """The period was left out, because the board was late for it."""
+    missed_share: float | None
+    """Late and skipped periods, of all."""
+    period_ms: Spread
+    """From the beginning of one pass of the loop to the next."""
+    wake_late_ms: Spread
+    """From the beginning of a period to that of the loop's pass."""
+    busy_ms: Spread
+    """From then until the torque was sent: computing, interruptions included."""
+    observation_age_ms: Spread
+    """Age of the observation when it was used."""
+
+
+class ElectionKeys(TypedDict):
+    """How a board's elections went."""
+
+    epochs_decided: int | None
+    """Epochs whose last round the board played; null without elections."""
+    epochs_missed: int | None
+    """The other epochs."""
+    decision_ms: Spread
+    """From the beginning of an epoch, by the board's own clock, to its decision."""
+
+
+class BoardKeys(DeadlineKeys, ElectionKeys):
+    """How one board kept its time, since the release of the body."""
+
+    torque_age_ms: Spread
+    """Age of the torque that the plant applied, at each tick."""
+    torque_stale_ticks: int
+    """Ticks in which it was too old, so that 0 N m were applied."""
+    neighbour_age_ms: dict[str, Spread]
+    """By neighbour, while it was there: age of its newest link frame."""
+
+
+class RealtimeKeys(TypedDict):
+    """How a run in realtime kept its time."""
+
+    missed_share: float | None
+    """Missed deadlines, of all deadlines of all boards."""
+    missed: str
+    """What boards do about a missed deadline: `skip` or `catch-up`."""
+    round_ms: float
+    """Length of a round of an election."""
+    behind_ms_max: float | None
+    """The most that the plant was late for a tick; null: the recording ends before the run."""
+    slipped_s: float | None
+    """Wall time that the plant gave up, because it was more than 0.1 s late."""
+    boards: dict[str, BoardKeys]
+    """By joint."""
+
+
+def realtime_summary(times: RealtimeTimes, joints: list[str]) -> RealtimeKeys:
     """Sum up how boards kept their time."""
-    boards = {}
+    boards: dict[str, BoardKeys] = {}
     for joint, board in zip(joints, times.boards, strict=True):
         boards[joint] = {
             **_deadlines(board),
@@ -44,7 +99,7 @@ def realtime_summary(times: RealtimeTimes, joints: list[str]) -> dict[str, Any]:
     }
 
 
-def _deadlines(board: BoardTimes) -> dict[str, Any]:
+def _deadlines(board: BoardTimes) -> DeadlineKeys:
     late, skipped = int(board.late.sum()), int(board.skipped.sum())
     return {
         "rate_hz": board.rate_hz,
@@ -60,7 +115,7 @@ def _deadlines(board: BoardTimes) -> dict[str, Any]:
     }
 
 
-def _elections(board: BoardTimes, epochs: int | None) -> dict[str, Any]:
+def _elections(board: BoardTimes, epochs: int | None) -> ElectionKeys:
     decided_ms = board.decision_ms[np.isfinite(board.decision_ms)]
     return {
         "epochs_decided": None if epochs is None else len(decided_ms),

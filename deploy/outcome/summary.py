@@ -1,28 +1,7 @@
 """A run in one JSON object: what was run, what came out, and with which versions.
 
-`summary` gives
-
-    scenario, seed, mode, controller        which run: name; "processes" or "twin"; "original" (all
-                                            boards move) or "distributed" (one is elected)
-    ending, ticks, simulated_s              why it ended, after how many ticks, and their time
-    wall_s, ticks_per_s                     how long that took
-    state_sha256                            digest of the motion, to the bit (S20)
-    logical_sha256                          of all that processes and twin have in common (S20)
-    indices.{TS, KNEE, BS, ...}             overshoot_deg, rise_s, rise_90_s, settling_paper_s,
-                                            settling_band_s of each controlled variable
-    energy_j                                positive, absolute, net
-    consensus                               null without elections; else epochs,
-                                            rounds_to_agreement {"0": ..., "never": ...},
-                                            enabled_0, enabled_1, enabled_2_or_more (epochs that
-                                            ended with so many boards enabled)
-    realtime                                null in lockstep; else `deploy.outcome.realtime_summary`
-    faults                                  boards that failed: joint, tick, code, text
-    degraded                                boards that asked for a torque that is no number, which
-                                            was not applied: joint, tick (the first), ticks
-    foot                                    null without one; else margin_min_m, tipping_ticks
-    versions                                python, decmesh, zenoh, numpy, msgpack
-
-`deploy.outcome.indices` defines the numbers. What never happened, or is no number, is null.
+`SummaryKeys` lists what is in it; `deploy.outcome.indices` defines the numbers. What never
+happened, or is no number, is null.
 """
 
 import json
@@ -31,13 +10,13 @@ import tempfile
 from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 
 from deploy.outcome.foot_margin import foot_margin
 from deploy.outcome.indices import all_indices, counted, elections, energy
-from deploy.outcome.realtime_summary import realtime_summary
+from deploy.outcome.realtime_summary import RealtimeKeys, realtime_summary
 from deploy.recording.epochs import Epochs
 from deploy.recording.realtime_times import RealtimeTimes
 from deploy.recording.trajectory import Trajectory
@@ -45,6 +24,49 @@ from plant_server.spool.facts import versions
 
 Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
+
+
+class SummaryKeys(TypedDict):
+    """The keys of `summary.json`."""
+
+    scenario: str
+    """Name of the scenario."""
+    seed: int
+    """Seed of everything random."""
+    mode: Mode
+    """`processes` or `twin`."""
+    controller: Literal["distributed", "original"]
+    """`original`: all boards move; `distributed`: they elect the one that moves."""
+    ending: str
+    """`complete`, `fell`, `stopped`, or another reason; `cut off`: the recording ends early."""
+    ticks: int
+    """Ticks after the release of the body."""
+    simulated_s: float
+    """Their time."""
+    wall_s: float
+    """How long they took."""
+    ticks_per_s: float | None
+    """Ticks per second of wall time."""
+    state_sha256: str
+    """Digest of the motion: per tick angles, rates and applied torques, then the last state."""
+    logical_sha256: str | None
+    """Digest of what processes and twin have in common: no wall time, no host."""
+    indices: dict[str, dict[str, Any]]
+    """Of each controlled variable, by name."""
+    energy_j: dict[str, Any]
+    """Mechanical work of all joints over the run."""
+    consensus: dict[str, Any] | None
+    """What the boards agreed on, epoch by epoch; null without elections."""
+    realtime: RealtimeKeys | None
+    """How the boards kept their time; null in lockstep."""
+    faults: list[dict[str, Any]]
+    """Boards whose controller or election failed: joint, tick, code, text."""
+    degraded: list[dict[str, Any]]
+    """Boards that asked for a torque that is not finite: joint, first tick, number of ticks."""
+    foot: dict[str, Any] | None
+    """How close the body came to tipping over its foot; null without one."""
+    versions: dict[str, str | None]
+    """Of Python, decmesh and the libraries that a trajectory depends on."""
 
 
 def summary(
@@ -55,14 +77,14 @@ def summary(
     realtime: RealtimeTimes | None = None,
     epochs: Epochs | None = None,
 ) -> Summary:
-    """Sum up a run; the page above lists the keys. The digest is that of its recording.
+    """Sum up a run; see `SummaryKeys`. The digest is that of its recording.
 
     Epochs are found in the trajectory, unless the recording has named them already.
     """
     scenario, wall_s = trajectory.scenario, trajectory.wall_s
     agreed = elections(trajectory) if epochs is None else counted(epochs)
     foot = foot_margin(trajectory)
-    values = {
+    values: SummaryKeys = {
         "scenario": scenario["name"],
         "seed": scenario["run"]["seed"],
         "mode": mode,

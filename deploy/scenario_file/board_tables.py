@@ -35,58 +35,80 @@ class ClockTable(HardwareTable):
     """A board's clock and loop, which are not the plant's."""
 
     skew_ppm: Annotated[float, Field(ge=-10_000, le=10_000)] = 0.0
-    """Positive: fast."""
+    """How much faster than the plant's clock it runs."""
     jitter_ms: Milliseconds = 0.0
+    """The loop starts up to so much early, uniformly distributed; less than a tick."""
     start_up_ms: Milliseconds = 0.0
+    """From plugged in to ready; whole ticks."""
     start_up_jitter_ms: Milliseconds = 0.0
+    """Up to so much more, uniformly distributed; whole ticks."""
     overrun_at_s: Annotated[list[Time], Field(max_length=OVERRUNS_MAX)] = []
+    """Times of ticks that the loop does not finish in time."""
 
 
 class SensorTable(HardwareTable):
-    """What a board's sensors cannot say."""
+    """Errors of a board's sensors."""
 
     encoder_bits: Annotated[int, Field(ge=0, le=32)] = 0
     """Steps per turn, as a power of two; 0: exact."""
     encoder_offset_deg: Degrees = 0.0
+    """The encoder reads so much too high."""
     joint_rate: Literal["gyroscope", "encoder"] = "gyroscope"
+    """Measured by a sensor of its own, or the difference of two encoder readings."""
     joint_rate_filter_ms: Milliseconds = 0.0
+    """Time constant of a first-order low-pass behind that difference."""
     joint_rate_noise_deg_s_per_sqrt_hz: NotNegative = 0.0
+    """Noise density of the gyroscope."""
     imu_noise_deg_per_sqrt_hz: NotNegative = 0.0
+    """Noise density of the orientation."""
     imu_rate_noise_deg_s_per_sqrt_hz: NotNegative = 0.0
+    """Noise density of its rate."""
     imu_bias_deg: Degrees = 0.0
+    """Constant error of the orientation."""
     imu_rate_bias_deg_s: DegreesPerSecond = 0.0
+    """Constant error of its rate."""
 
 
 class ActuatorTable(HardwareTable):
-    """What a board's motor cannot do, besides the torque limit of its servo."""
+    """Limits of a board's motor, besides the torque limit of its servo."""
 
     torque_rate_nm_s: Positive | None = None
+    """How fast the torque can change; the servo knows it. None: at once."""
     torque_step_nm: NotNegative = 0.0
+    """The command is rounded to a whole number of such steps; 0: it is not."""
     lag_ms: Milliseconds = 0.0
+    """Time constant of a first-order lag from command to torque."""
     hold_ticks: Annotated[int, Field(ge=0, le=1000)] = 10
-    """How long the last valid command stands in for one that is no number."""
+    """How long the last valid command replaces one that is not finite; then 0 N m."""
 
 
 class PassiveTable(HardwareTable):
     """The joint's own spring and damper, beside the motor (the paper's table I: 0)."""
 
     stiffness_nm_rad: NotNegative = 0.0
+    """Of the spring."""
     damping_nm_s_rad: NotNegative = 0.0
+    """Of the damper."""
     rest_deg: Degrees = 0.0
+    """Joint angle at which the spring is at rest."""
 
 
 class FootTable(HardwareTable):
     """The sole, from the ankle."""
 
     ahead_m: Positive
+    """From the ankle to the toes."""
     behind_m: Positive
+    """From the ankle to the heel."""
 
 
 class BoardHardware(BaseModel):
     """What a board has, as a part of `[[board]]`."""
 
     imu: bool = False
+    """Measures the link's orientation in space; the top board must have one."""
     force_plate: bool = False
+    """Measures force and centre of pressure below the foot."""
     clock: ClockTable = ClockTable()
     sensors: SensorTable = SensorTable()
     actuator: ActuatorTable = ActuatorTable()

@@ -35,21 +35,35 @@ class Faulty(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     loss: Probability | None = None
+    """Probability that a frame is lost."""
     burst_start: Probability | None = None
+    """Probability per frame that a burst begins."""
     burst_end: Probability | None = None
+    """Probability per frame that a burst ends."""
     burst_loss: Probability | None = None
+    """Probability that a frame is lost in a burst."""
     delay_ms: Milliseconds | None = None
+    """How late each frame is."""
     jitter_ms: Milliseconds | None = None
+    """Up to so much later, uniformly distributed."""
     duplicate: Probability | None = None
+    """Probability that a frame comes twice."""
     reorder: Probability | None = None
+    """Probability that a frame is one tick later, and so comes after its successor."""
     corrupt: Probability | None = None
+    """Probability that a frame is damaged."""
 
 
 class StandingLink(Faulty):
-    """A link that is bad from the start."""
+    """A link that is bad from the start.
+
+    Without a value it is perfect: burst_end and burst_loss are 1, all else is 0.
+    """
 
     link: LinkName = "all"
+    """Its two joints, such as knee-hip, or all."""
     one_way: bool = False
+    """Only from the first joint's board to the second's."""
 
 
 class Event(BaseModel):
@@ -58,6 +72,7 @@ class Event(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     at_s: Seconds
+    """When, from the release of the body."""
 
 
 class Cut(Event):
@@ -65,8 +80,11 @@ class Cut(Event):
 
     do: Literal["cut"]
     link: LinkName
+    """Its two joints, such as knee-hip, or all."""
     one_way: bool = False
+    """Only from the first joint's board to the second's."""
     duration_s: Seconds | None = None
+    """How long. None: for good."""
 
 
 class Heal(Event):
@@ -74,7 +92,9 @@ class Heal(Event):
 
     do: Literal["heal"]
     link: LinkName = "all"
+    """Its two joints, such as knee-hip, or all."""
     one_way: bool = False
+    """Only from the first joint's board to the second's."""
 
 
 class Faults(Event, Faulty):
@@ -82,8 +102,11 @@ class Faults(Event, Faulty):
 
     do: Literal["faults"]
     link: LinkName = "all"
+    """Its two joints, such as knee-hip, or all."""
     one_way: bool = False
+    """Only from the first joint's board to the second's."""
     duration_s: Seconds | None = None
+    """How long. None: for good."""
 
 
 class Push(Event):
@@ -91,8 +114,11 @@ class Push(Event):
 
     do: Literal["push"]
     segment: str
+    """Name of the link."""
     force_n: Annotated[float, Field(ge=-10_000, le=10_000)]
+    """Forward positive."""
     duration_s: Annotated[float, Field(gt=0, le=10_000)] = 0.1
+    """How long."""
 
 
 class Reference(Event):
@@ -100,7 +126,9 @@ class Reference(Event):
 
     do: Literal["reference"]
     joint: str
+    """Whose."""
     reference_deg: Annotated[float, Field(ge=-180, le=180)]
+    """The new one."""
 
 
 class Plugging(Event):
@@ -108,16 +136,21 @@ class Plugging(Event):
 
     do: Literal["unplug", "plug"]
     joint: str
+    """Whose board."""
 
 
 class SensorFault(Event, FaultAmounts):
-    """A sensor of a board is broken (`protocol.robot.sensors`), or, with "ok", whole again."""
+    """A sensor of a board fails, or, with "ok", works again."""
 
     do: Literal["sensor"]
     joint: str
+    """Whose."""
     sensor: Faultable = "encoder"
+    """Which one of its sensors."""
     fault: FaultKind
+    """How it fails; ok: it works again."""
     duration_s: Seconds | None = None
+    """How long. None: for good."""
 
 
 AnyEvent = Annotated[

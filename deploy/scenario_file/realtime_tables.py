@@ -24,9 +24,11 @@ class RealtimeTable(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     rate_hz: Rate = 500.0
-    """For boards that have none of their own."""
+    """Of every board's loop that has none of its own; a period is a whole number of ticks."""
     missed: Literal["skip", "catch-up"] = "skip"
+    """Periods that a board was too late for are left out, or made up for, up to 10."""
     age_max_ms: Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)] = 50.0
+    """An older torque is not applied; a board with an older observation drives no more."""
 
 
 class Rounds(NamedTuple):

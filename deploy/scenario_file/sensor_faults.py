@@ -12,11 +12,11 @@ class FaultAmounts(BaseModel):
     """How large a fault is; each kind of fault has one of these keys, or none."""
 
     period_ms: Annotated[float, Field(ge=0, le=100_000)] | None = None
-    """Of "slow": from one new value to the next."""
+    """Of "slow": from one new value to the next. None: 20 ms."""
     delay_ms: Annotated[float, Field(ge=0, le=100_000)] | None = None
-    """Of "delayed"."""
+    """Of "delayed": how late values are. None: 100 ms."""
     probability: Annotated[float, Field(ge=0, le=1)] | None = None
-    """Of "intermittent": that there is no value in a tick."""
+    """Of "intermittent": that there is no value in a tick. None: 0.5."""
 
 
 class Amount(NamedTuple):

@@ -6,7 +6,7 @@ Rule 2: a controller is told what its board may know, and nothing else. It is ma
 Rule 3: an answer follows from what was told so far. A controller that looks at a clock, at chance
         or at a file makes a run that cannot be repeated.
 
-`README.md` ("Your own controller") has an example for each.
+`deploy/docs/own-controllers.md` has an example for each.
 """
 
 from collections.abc import Sequence

@@ -45,7 +45,7 @@ def arrays(spool: Spool) -> Trajectory:
 def summed_up(spool: Spool) -> dict[str, Any]:
     times = realtime_times(spool)
     assert times is not None
-    return realtime_summary(times, arrays(spool).joints)
+    return {**realtime_summary(times, arrays(spool).joints)}
 
 
 def test_on_a_quiet_host_it_moves_as_in_lockstep() -> None:
