@@ -140,10 +140,10 @@ class Board:
         if observation.command:
             self._obey(observation.command)
 
-        joint, imu = self.sensing.read(observation)
+        own = self.sensing.read(observation)
         self.view.forget(tick)
         if self.sensing.safe:
-            self.view.sense(tick, joint, imu, top=self.config.top)
+            self.view.sense(tick, own, top=self.config.top)
         gossip = self._hear(observation)
 
         body, state = self._body(tick)

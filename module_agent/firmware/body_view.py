@@ -39,6 +39,17 @@ class Turn(NamedTuple):
 
 LEVEL = Turn(0.0, 0.0)
 """The foot stands still on a fixed support (paper, section III-B)."""
+UNKNOWN = Turn(0.0, 0.0)
+"""Stands in for an angle before its first reading."""
+
+
+class OwnTurns(NamedTuple):
+    """What a board's own sensors say of angles in one tick."""
+
+    joint: Turn
+    imu: Turn
+    support: Turn = LEVEL
+    """How the foot lies and turns; it counts at the bottom of the chain alone."""
 
 
 class BodySample(NamedTuple):
@@ -71,7 +82,7 @@ class BodyView:
         self._complete: dict[int, BodySample] = {}
         self._newest_complete = NO_TICK
         self._newest_lower = NO_TICK
-        self._last_lower = LEVEL
+        self._last_lower = UNKNOWN
         self._shape: CarriedShape | None = None
 
     def forget(self, tick: int) -> None:
@@ -84,15 +95,15 @@ class BodyView:
             for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
                 del store[old]
 
-    def sense(self, tick: int, joint: Turn, imu: Turn, *, top: bool) -> None:
+    def sense(self, tick: int, own: OwnTurns, *, top: bool) -> None:
         """Store this board's own sensors; at the top of the chain they are a complete sample."""
-        self._joint[tick] = joint
+        self._joint[tick] = own.joint
         if self.has_imu:
-            self._imu[tick] = imu
+            self._imu[tick] = own.imu
         if self.bottom:
-            self._store_lower(tick, LEVEL)
+            self._store_lower(tick, own.support)
         if top and self.has_imu:
-            self._complete_sample(tick, imu, NOTHING)
+            self._complete_sample(tick, own.imu, NOTHING)
 
     def hear_from_above(self, frame: LinkFrame) -> None:
         """Join what the board above said with this board's own sample of the same tick."""
@@ -138,7 +149,7 @@ class BodyView:
         """The newest orientation of this board's link by encoders from the foot up."""
         tick = self._newest_lower
         if tick not in self._joint:
-            return NO_TICK, LEVEL
+            return NO_TICK, UNKNOWN
         lower, joint = self._last_lower, self._joint[tick]
         return tick, Turn(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
 

@@ -7,9 +7,7 @@ Rule 2: sensors that were given up are back after 50 readings in a row that agre
         wherever the joint is then. Short of that one good reading is enough.
 """
 
-from typing import NamedTuple
-
-from module_agent.firmware.body_view import LEVEL, Turn
+from module_agent.firmware.body_view import UNKNOWN, OwnTurns, Turn
 from module_agent.firmware.plausibility import FINE, STUCK_RAD, Angle, AngleSheet, Verdict
 from protocol.robot.sensors import EXACT, SensorSheet
 from protocol.wire.frames import Observation
@@ -18,13 +16,6 @@ HOLD_TICKS_MAX = 10
 BACK_TICKS = 50
 STUCK_TORQUE_NM = 1.0
 """No load follows a change of torque so closely that an exact angle stays the same to the bit."""
-
-
-class OwnTurns(NamedTuple):
-    """How the joint turns, and the link above it in space, in one tick."""
-
-    joint: Turn
-    imu: Turn
 
 
 class Sensing:
@@ -45,7 +36,7 @@ class Sensing:
         self.stuck_samples = 0
         self._joint = Angle(joint_sheet(sheet, uneven=uneven), tick_s=tick_s)
         self._imu = Angle(imu_sheet(sheet, uneven=uneven), tick_s=tick_s) if has_imu else None
-        self._last = OwnTurns(LEVEL, LEVEL)
+        self._last = OwnTurns(UNKNOWN, UNKNOWN)
         """The last good readings."""
         self._held_ticks = 0
         """Since then; or since the sensors were given up."""

@@ -65,7 +65,7 @@ class LongChain(Chain):
     ) -> list[float]:
         """Joint accelerations, as `Chain.accelerations_rad_s2`."""
         pieces = self._pieces(angles_rad, rates_rad_s, _differences_up(torques_nm))
-        return differences(_turned(pieces, self.gravity_m_s2))
+        return differences(_turned(pieces, 0.0, self.gravity_m_s2))
 
     def braked_accelerations_rad_s2(
         self,
@@ -140,8 +140,8 @@ def chain_of(links: Sequence[LinkInertia]) -> Chain:
     return LongChain(links) if len(links) > LINKS_MAX else Chain(links)
 
 
-def _turned(pieces: Sequence[Piece], rise_m_s2: float) -> list[float]:
-    """Angular accelerations of the pieces in space, while the ground accelerates upwards."""
+def _turned(pieces: Sequence[Piece], forward_m_s2: float, rise_m_s2: float) -> list[float]:
+    """Angular accelerations of the pieces in space, while what they stand on accelerates."""
     answers = []
     xx = xy = yy = px = py = 0.0
     for mass, sx, sy, ex, ey, inertia, square, torque in reversed(pieces):
@@ -160,7 +160,7 @@ def _turned(pieces: Sequence[Piece], rise_m_s2: float) -> list[float]:
         py = qy - square * sy + gy * free
         answers.append((hx, hy, turning, free, ex, ey, square))
     accelerations = []
-    ax, ay = 0.0, rise_m_s2
+    ax, ay = forward_m_s2, rise_m_s2
     for hx, hy, turning, free, ex, ey, square in reversed(answers):
         alpha = (free - hx * ax - hy * ay) / turning
         ax += ey * alpha - ex * square
@@ -172,8 +172,19 @@ def _turned(pieces: Sequence[Piece], rise_m_s2: float) -> list[float]:
 def _turned_held(
     pieces: Sequence[Piece], cluster_of: Sequence[int], rise_m_s2: float
 ) -> list[float]:
-    """The same for links of which some are held together; what the ground holds does not turn."""
-    free = [*_turned(list(_joined(pieces, cluster_of)), rise_m_s2), 0.0]
+    """The same for links of which some are held together; what the ground holds keeps its rate.
+
+    It may turn steadily, with the support. Then its end is drawn towards the ankle.
+    """
+    ax, ay = 0.0, rise_m_s2
+    for into, (_mass, _sx, _sy, ex, ey, _inertia, square, _torque) in zip(
+        cluster_of, pieces, strict=True
+    ):
+        if into != GROUND:
+            break
+        ax -= ex * square
+        ay -= ey * square
+    free = [*_turned(list(_joined(pieces, cluster_of)), ax, ay), 0.0]
     return [free[into] for into in cluster_of]  # Of the ground: the last, 0.0.
 
 

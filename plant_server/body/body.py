@@ -4,14 +4,16 @@ A joint is driven (or limp: driven by 0 N m), braked, or passive, and stays so u
 Braked, it is no joint: its angle is constant to the bit (S17, `clusters`). Passive, a
 spring and a damper act in it instead of its board. Besides, links may be pushed horizontally, and
 each joint may have a spring and a damper of its own, beside whatever drives it (the paper's table I
-has them as 0).
+has them as 0). The ankle stands on a `Support`; level and at rest, unless it is given another.
 """
 
 from collections.abc import Sequence
+from itertools import accumulate
 from math import isfinite, nan
 from typing import NamedTuple
 
 from plant_server.body.chain import Chain
+from plant_server.body.support import LEVEL, Support
 
 
 class Spring(NamedTuple):
@@ -55,8 +57,10 @@ class Body:
         fallen_below: float = 0.5,
         initial_rates_rad_s: Sequence[float] | None = None,
         passive: Sequence[Spring | None] = (),
+        support: Support = LEVEL,
     ) -> None:
         self.chain = chain
+        self.support = support
         self.tick_s = tick_s
         self.substeps = substeps
         self.locked = False
@@ -72,7 +76,7 @@ class Body:
         self._plain = True
         self._ankle_nm = 0.0
         self._ankle_impulse_nms = 0.0
-        self._rise_m_s = chain.com_rise_m_s(self.angles_rad, self.rates_rad_s)
+        self._rise_m_s = self._com_rise_m_s()
         upright_m = chain.com_m([0.0] * chain.size)[1]
         self._fallen_below_m = fallen_below * upright_m
         self.fallen = self._is_fallen()
@@ -100,11 +104,11 @@ class Body:
         if self.rates_rad_s[joint] == 0.0:
             self.rates_rad_s[joint] = 0.0  # It may have been -0.0.
             return 0.0
-        chain, before = self.chain, self.rates_rad_s
+        chain, angles, before = self.chain, self._angles_in_space_rad(), self.rates_rad_s
         try:
-            after = chain.braked_rates_rad_s(self.angles_rad, before, self._braked)
+            after = chain.braked_rates_rad_s(angles, before, self._braked)
             changes = [v - u for v, u in zip(after, before, strict=True)]
-            impulses = chain.impulses_nms(self.angles_rad, changes)
+            impulses = chain.impulses_nms(angles, changes)
         except (ValueError, ArithmeticError):
             self._fly_apart()
             return 0.0
@@ -120,9 +124,9 @@ class Body:
         """Integrate one tick with constant joint torques, shape (n,)."""
         if self.locked:
             return
-        chain = self.chain
+        chain, moves = self.chain, self.support is not LEVEL
         impact = self._ankle_impulse_nms != 0.0
-        held = self._springs or self._own or True in self._braked or impact
+        held = self._springs or self._own or True in self._braked or impact or moves
         self._plain = not (held or any(self.forces_n))
         step_s = self.tick_s / self.substeps
         try:
@@ -135,7 +139,7 @@ class Body:
         self.fallen = self._is_fallen()
         if self.fallen:
             return
-        rise_m_s = chain.com_rise_m_s(self.angles_rad, self.rates_rad_s)
+        rise_m_s = self._com_rise_m_s()
         gained_m_s, self._rise_m_s = rise_m_s - self._rise_m_s, rise_m_s
         self.foot_force_n = chain.mass_kg * (chain.gravity_m_s2 + gained_m_s / self.tick_s)
 
@@ -153,10 +157,31 @@ class Body:
         """
         return -self._ankle_nm / self.foot_force_n if self.foot_force_n > 0.0 else 0.0
 
+    def orientations_rad(self) -> list[float]:
+        """Of each link in space, from the vertical."""
+        return list(accumulate(self._angles_in_space_rad()))
+
+    def orientation_rates_rad_s(self) -> list[float]:
+        """Of each link in space."""
+        return list(accumulate(self._rates_in_space_rad_s()))
+
+    def _angles_in_space_rad(self) -> list[float]:
+        """Joint angles, the ankle's from the vertical."""
+        support, angles = self.support, self.angles_rad
+        return angles if support is LEVEL else support.angles_rad(angles)
+
+    def _rates_in_space_rad_s(self) -> list[float]:
+        support, rates = self.support, self.rates_rad_s
+        return rates if support is LEVEL else support.rates_rad_s(rates)
+
+    def _com_rise_m_s(self) -> float:
+        """Vertical velocity of the centre of mass."""
+        return self.chain.com_rise_m_s(self._angles_in_space_rad(), self._rates_in_space_rad_s())
+
     def _is_fallen(self) -> bool:
         if not all(map(isfinite, self.angles_rad)) or not all(map(isfinite, self.rates_rad_s)):
             return True
-        return self.chain.com_m(self.angles_rad)[1] < self._fallen_below_m
+        return self.chain.com_m(self._angles_in_space_rad())[1] < self._fallen_below_m
 
     def _fly_apart(self) -> None:
         self.angles_rad = self.rates_rad_s = [nan] * self.chain.size
@@ -177,47 +202,70 @@ class Body:
 
     def _through_ankle_nm(self) -> float:
         """Torque from foot to shank at the start of a tick, and the last impact in its mean."""
-        torque_nm, chain = self.torques_nm[0] + self.passive_nm(0), self.chain
+        torque_nm = self.torques_nm[0] + self.passive_nm(0)
         if self._braked[0]:
-            q, v = self.angles_rad, self.rates_rad_s
-            accelerations = self._accelerations_rad_s2(q, v, self.torques_nm)
-            torque_nm = chain.inverse_nm(q, v, accelerations)[0]
-            torque_nm -= chain.push_torques_nm(q, self.forces_n)[0]
+            torque_nm = self._brake_nm()
         impulse_nms, self._ankle_impulse_nms = self._ankle_impulse_nms, 0.0
         return torque_nm + impulse_nms / self.tick_s
 
+    def _brake_nm(self) -> float:
+        """What the brake of the ankle bears."""
+        chain, support = self.chain, self.support
+        q, v = self._angles_in_space_rad(), self._rates_in_space_rad_s()
+        accelerations = self._accelerations_rad_s2(
+            self.angles_rad, self.rates_rad_s, self.torques_nm, support
+        )
+        borne_nm = chain.inverse_nm(q, v, accelerations)[0]
+        borne_nm -= chain.push_torques_nm(q, self.forces_n)[0]
+        return borne_nm if support is LEVEL else borne_nm - support.torques_nm(chain, q)[0]
+
     def _accelerations_rad_s2(
-        self, angles_rad: Sequence[float], rates_rad_s: Sequence[float], torques_nm: Sequence[float]
+        self,
+        angles_rad: Sequence[float],
+        rates_rad_s: Sequence[float],
+        torques_nm: Sequence[float],
+        support: Support,
     ) -> list[float]:
-        """Joint accelerations with springs, pushes and brakes, at any stage of a step."""
-        pushes_nm = self.chain.push_torques_nm(angles_rad, self.forces_n)
-        torques = [torque + push for torque, push in zip(torques_nm, pushes_nm, strict=True)]
+        """Joint accelerations with whatever acts on the body, at any stage of a step."""
+        chain = self.chain
+        if self._plain:
+            return chain.accelerations_rad_s2(angles_rad, rates_rad_s, torques_nm)
+        q, v = angles_rad, rates_rad_s
+        if support is not LEVEL:
+            q, v = support.angles_rad(angles_rad), support.rates_rad_s(rates_rad_s)
+        outside_nm = chain.push_torques_nm(q, self.forces_n)
+        if support is not LEVEL:
+            inertial_nm = support.torques_nm(chain, q)
+            outside_nm = [a + b for a, b in zip(outside_nm, inertial_nm, strict=True)]
+        torques = [torque + outside for torque, outside in zip(torques_nm, outside_nm, strict=True)]
         for joint, spring in self._springs.items():
             torque_nm = spring.torque_nm(angles_rad[joint], rates_rad_s[joint])
-            torques[joint] = torque_nm + pushes_nm[joint]
+            torques[joint] = torque_nm + outside_nm[joint]
         for joint, spring in self._own.items():
             torques[joint] += spring.torque_nm(angles_rad[joint], rates_rad_s[joint])
         if any(self._braked):
-            return self.chain.braked_accelerations_rad_s2(
-                angles_rad, rates_rad_s, torques, self._braked
-            )
-        return self.chain.accelerations_rad_s2(angles_rad, rates_rad_s, torques)
+            return chain.braked_accelerations_rad_s2(q, v, torques, self._braked)
+        return chain.accelerations_rad_s2(q, v, torques)
 
     def _runge_kutta(self, step_s: float) -> None:
         q, v = self.angles_rad, self.rates_rad_s
         tau, half = self.torques_nm, 0.5 * step_s
-        plain, written_out = self._plain, self.chain.written_out_step
-        if plain and written_out is not None:
+        written_out = self.chain.written_out_step
+        if self._plain and written_out is not None:
             self.angles_rad, self.rates_rad_s = written_out(*q, *v, *tau, step_s)
             return
-        acceleration = self.chain.accelerations_rad_s2 if plain else self._accelerations_rad_s2
-        a1 = acceleration(q, v, tau)
+        now = midway = then = self.support
+        if now is not LEVEL:
+            midway, then = now.ahead(half), now.ahead(step_s)
+        acceleration = self._accelerations_rad_s2
+        a1 = acceleration(q, v, tau, now)
         v2 = [x + half * a for x, a in zip(v, a1, strict=True)]
-        a2 = acceleration([x + half * r for x, r in zip(q, v, strict=True)], v2, tau)
+        a2 = acceleration([x + half * r for x, r in zip(q, v, strict=True)], v2, tau, midway)
         v3 = [x + half * a for x, a in zip(v, a2, strict=True)]
-        a3 = acceleration([x + half * r for x, r in zip(q, v2, strict=True)], v3, tau)
+        a3 = acceleration([x + half * r for x, r in zip(q, v2, strict=True)], v3, tau, midway)
         v4 = [x + step_s * a for x, a in zip(v, a3, strict=True)]
-        a4 = acceleration([x + step_s * r for x, r in zip(q, v3, strict=True)], v4, tau)
+        a4 = acceleration([x + step_s * r for x, r in zip(q, v3, strict=True)], v4, tau, then)
+        self.support = then
         sixth = step_s / 6.0
         self.angles_rad = [
             x + sixth * (r1 + 2.0 * (r2 + r3) + r4)

@@ -1,22 +1,29 @@
-"""Pushes: horizontal forces on links that last for some ticks."""
+"""Disturbances: what acts on the body from outside, tick by tick: pushes that last for some ticks.
+
+A push is a horizontal force at a link's centre of mass. What the body stands on, and how that
+moves, is `plant_server.body.support`.
+"""
+
+from plant_server.body.body import Body
 
 
-class Pushes:
-    """Those under way; several on one link add up."""
+class Disturbances:
+    """Those under way; several pushes on one link add up."""
 
-    def __init__(self, links: int) -> None:
-        self._links = links
-        self._under_way: list[list[float]] = []
+    def __init__(self) -> None:
+        self._pushes: list[tuple[int, float, int]] = []
+        """Link, force in N, and how many ticks are left."""
 
-    def add(self, link: int, force_n: float, ticks: int) -> None:
+    def push(self, link: int, force_n: float, ticks: int) -> None:
         """Push from the next tick that passes."""
-        self._under_way.append([link, force_n, ticks])
+        self._pushes.append((link, force_n, ticks))
 
-    def forces_n(self) -> list[float]:
-        """The forces of a tick, which thereby has passed."""
-        forces_n = [0.0] * self._links
-        for push in self._under_way:
-            forces_n[int(push[0])] += push[1]
-            push[2] -= 1
-        self._under_way = [push for push in self._under_way if push[2] > 0]
-        return forces_n
+    def act_on(self, body: Body) -> None:
+        """Let them act on the body during a tick, which thereby has passed."""
+        forces_n = [0.0] * body.chain.size
+        for link, force_n, _ticks in self._pushes:
+            forces_n[link] += force_n
+        body.forces_n = forces_n
+        self._pushes = [
+            (link, force_n, ticks - 1) for link, force_n, ticks in self._pushes if ticks > 1
+        ]

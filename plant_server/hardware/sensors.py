@@ -10,7 +10,6 @@ Rule 3: readings are taken once in a tick, in realtime once in each of a board's
         sensors remember the last one.
 """
 
-from itertools import accumulate
 from math import exp, floor, isfinite, sqrt
 
 from plant_server.body.body import Body
@@ -33,8 +32,8 @@ def truth(body: Body, config: PlantConfig, board: int) -> Readings:
     """Read the joint of a board, and IMU and force plate if it has them; 0 if it has not."""
     imu_rad = imu_rad_s = foot_force_n = foot_cop_m = 0.0
     if config.imu[board]:
-        imu_rad = list(accumulate(body.angles_rad))[board]
-        imu_rad_s = list(accumulate(body.rates_rad_s))[board]
+        imu_rad = body.orientations_rad()[board]
+        imu_rad_s = body.orientation_rates_rad_s()[board]
     if config.force_plate[board]:
         foot_force_n, foot_cop_m = body.foot_force_n, body.foot_cop_m
     return Readings(

@@ -21,7 +21,7 @@ from typing import Any
 
 from plant_server.body.articulated import chain_of
 from plant_server.body.body import Body
-from plant_server.body.disturbances import Pushes
+from plant_server.body.disturbances import Disturbances
 from plant_server.hardware.actuators import Actuators
 from plant_server.hardware.sensors import Sensors
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
@@ -71,7 +71,7 @@ class Lockstep:
         """Boards that are gone since the tick was opened, and did not answer it."""
         self._leaving: dict[int, str] = {}
         """Boards that are gone since they answered the open tick, and why."""
-        self._pushes = Pushes(self.size)
+        self._disturbances = Disturbances()
         self._sides = [list(range(self.size))]
 
     @property
@@ -107,7 +107,7 @@ class Lockstep:
                 self.start_up.unplug(board)
                 return command
             case ["push", link, force_n, ticks]:
-                self._pushes.add(link, force_n, ticks)
+                self._disturbances.push(link, force_n, ticks)
             case ["sensor", *_]:
                 self.sensors.obey(self.tick, command)
             case _:
@@ -224,7 +224,7 @@ class Lockstep:
             applied = self.actuators.torques_nm(self.body, self._attendance.undriven_since)
             if self.actuators.tipping != was_tipping:
                 self._events.append(["tipping", not was_tipping])
-            self.body.forces_n = self._pushes.forces_n()
+            self._disturbances.act_on(self.body)
         record = TickRecord(
             self.tick,
             *state,

@@ -6,7 +6,8 @@ Rule 2: after a gap a reading is not compared with the one before it: how the jo
         meanwhile is not known well enough to accuse a sensor.
 """
 
-from module_agent.firmware.sensing import OwnTurns, Sensing
+from module_agent.firmware.body_view import OwnTurns
+from module_agent.firmware.sensing import Sensing
 from protocol.robot.sensors import EXACT, SensorSheet
 from protocol.wire.frames import NO_TICK, Observation
 

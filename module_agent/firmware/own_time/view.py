@@ -7,7 +7,13 @@ Rule 3: clocks agree to a period and no better, and boards above that are slower
         some of the own periods only. To use the newest of theirs, or the one before, is no gap.
 """
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, LEVEL, BodySample, BodyView, Turn
+from module_agent.firmware.body_view import (
+    FORGET_EVERY_TICKS,
+    UNKNOWN,
+    BodySample,
+    BodyView,
+    OwnTurns,
+)
 from module_agent.firmware.kinematics import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK
@@ -40,7 +46,7 @@ class RealtimeView(BodyView):
         self.sampled_slot = 0
         """The period that the readings given to `sense` are of."""
         self._newest = NO_TICK
-        self._held: tuple[Turn, Turn] = LEVEL, LEVEL
+        self._held = OwnTurns(UNKNOWN, UNKNOWN)
         self._forgotten = NO_TICK
 
     def forget(self, tick: int) -> None:
@@ -50,7 +56,7 @@ class RealtimeView(BodyView):
         if latest - self._kept_ticks > before:
             super().forget(latest)
 
-    def sense(self, tick: int, joint: Turn, imu: Turn, *, top: bool) -> None:
+    def sense(self, tick: int, own: OwnTurns, *, top: bool) -> None:
         """Store own sensors under the period they are of, `sampled_slot`, once."""
         del tick
         sampled, newest = self.sampled_slot, self._newest
@@ -58,8 +64,8 @@ class RealtimeView(BodyView):
             return
         if newest != NO_TICK:
             self._hold(sampled)
-        self._newest, self._held = sampled, (joint, imu)
-        super().sense(sampled, joint, imu, top=top)
+        self._newest, self._held = sampled, own
+        super().sense(sampled, own, top=top)
 
     def hold_until(self, tick: int) -> None:
         """Let the newest own sample stand for those up to `tick`, but not for ever."""
@@ -76,9 +82,9 @@ class RealtimeView(BodyView):
 
     def _hold(self, end: int) -> None:
         """Fill the gap between the newest own sample and `end`."""
-        joint, imu = self._held
+        held = self._held
         for missing in range(max(self._newest, self._forgotten) + 1, end):
             if missing not in self._joint:
-                self._joint[missing] = joint
+                self._joint[missing] = held.joint
                 if self.has_imu:
-                    self._imu[missing] = imu
+                    self._imu[missing] = held.imu

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, BodySample, BodyView, Turn
+from module_agent.firmware.body_view import FORGET_EVERY_TICKS, BodySample, BodyView, OwnTurns, Turn
 from module_agent.firmware.kinematics import NOTHING, Link, Supported, add_link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame
@@ -67,7 +67,7 @@ def live(view: BodyView, ticks: range) -> None:
     """Sense and hear both neighbours, in every tick about the tick before."""
     for tick in ticks:
         view.forget(tick)
-        view.sense(tick, knee(tick), NO_IMU, top=False)
+        view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
         view.hear_from_above(from_above(tick - 1))
         view.hear_from_below(from_below(tick - 1))
 
@@ -75,7 +75,7 @@ def live(view: BodyView, ticks: range) -> None:
 def go_on_alone(view: BodyView, ticks: range) -> None:
     for tick in ticks:
         view.forget(tick)
-        view.sense(tick, knee(tick), NO_IMU, top=False)
+        view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
 
 
 def test_a_complete_sample_is_the_truth() -> None:
@@ -129,7 +129,7 @@ def test_reckoning_takes_what_is_above_for_rigid_and_the_orientation_from_the_fo
     lower = shank(29)
     for tick in range(31, 70):
         view.forget(tick)
-        view.sense(tick, knee(29), NO_IMU, top=False)
+        view.sense(tick, OwnTurns(knee(29), NO_IMU), top=False)
         turned = Turn(lower.rad + 0.01 * (tick - 30), 10.0)
         view.hear_from_below(said(tick - 1, turned, NOTHING))
     sample, state = view.at(60)
@@ -197,7 +197,7 @@ def test_order_of_arrival_does_not_matter(down: list[int], up: list[int]) -> Non
 def test_the_top_board_needs_nobody() -> None:
     hip = BodyView(TRUNK, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=True, bottom=False)
     for tick in range(50):
-        hip.sense(tick, knee(tick), thigh(tick), top=True)
+        hip.sense(tick, OwnTurns(knee(tick), thigh(tick)), top=True)
         sample, state = hip.at(tick)
         assert state is State.RUNNING
         assert sample == BodySample(knee(tick), thigh(tick), add_link(TRUNK, *thigh(tick), NOTHING))
@@ -207,7 +207,7 @@ def test_the_bottom_board_reckons_from_a_level_foot() -> None:
     ankle = BodyView(
         THIGH, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=False, bottom=True
     )
-    ankle.sense(0, knee(0), NO_IMU, top=False)
+    ankle.sense(0, OwnTurns(knee(0), NO_IMU), top=False)
     sample, state = ankle.at(0)
     assert state is State.RECKONING
     assert sample.link == knee(0)
@@ -218,7 +218,7 @@ def test_an_own_imu_is_believed_before_what_is_heard() -> None:
     view = BodyView(
         THIGH, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=True, bottom=False
     )
-    view.sense(0, knee(0), thigh(0), top=False)
+    view.sense(0, OwnTurns(knee(0), thigh(0)), top=False)
     view.hear_from_above(said(0, Turn(0.9, 9.0), trunk(0)))
     assert view.at(0) == (truth(0), State.RUNNING)
 

@@ -4,9 +4,9 @@ from math import inf, nan
 
 import pytest
 
-from module_agent.firmware.body_view import Turn
+from module_agent.firmware.body_view import OwnTurns, Turn
 from module_agent.firmware.plausibility import RAD_MAX, RAD_S_MAX
-from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX, OwnTurns, Sensing
+from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX, Sensing
 from protocol.robot.sensors import Readings
 from protocol.robot.states import COUNTERS, State
 from protocol.wire.frames import LinkFrame, Observation, decode, encode

@@ -62,9 +62,8 @@ class Oracle:
                 f'<inertial pos="0 0 {link.com_m!r}" mass="{link.mass_kg!r}"'
                 f' diaginertia="{inertia}"/>{body}</body>'
             )
-        self.model = mujoco.MjModel.from_xml_string(
-            f'<mujoco><option gravity="0 0 -9.81"/><worldbody>{body}</worldbody></mujoco>'
-        )
+        self.xml = f'<mujoco><option gravity="0 0 -9.81"/><worldbody>{body}</worldbody></mujoco>'
+        self.model = mujoco.MjModel.from_xml_string(self.xml)
         self.data = mujoco.MjData(self.model)
 
     def at(self, state: State) -> Reference:

@@ -1,12 +1,21 @@
 """Pushes last as many ticks as they were told, and add up."""
 
-from plant_server.body.disturbances import Pushes
+from plant_server.body.body import Body
+from plant_server.body.chain import Chain
+from plant_server.body.disturbances import Disturbances
+from tests.plant_server.body.oracle import random_links
 
 
 def test_a_push_lasts_its_ticks_and_those_on_one_link_add_up() -> None:
-    pushes = Pushes(2)
-    pushes.add(1, 5.0, 3)
-    pushes.add(1, -2.0, 1)
-    pushes.add(0, 1.0, 2)
-    told = [pushes.forces_n() for _ in range(4)]
-    assert told == [[1.0, 3.0], [1.0, 5.0], [0.0, 5.0], [0.0, 0.0]]
+    body = Body(
+        Chain(random_links(2, seed=1)), initial_angles_rad=[0.0] * 2, tick_s=1e-3, substeps=1
+    )
+    disturbances = Disturbances()
+    disturbances.push(1, 5.0, 3)
+    disturbances.push(1, -2.0, 1)
+    disturbances.push(0, 1.0, 2)
+    acting = []
+    for _ in range(4):
+        disturbances.act_on(body)
+        acting.append(body.forces_n)
+    assert acting == [[1.0, 3.0], [1.0, 5.0], [0.0, 5.0], [0.0, 0.0]]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, LATENESS_TICKS_MAX, Turn
+from module_agent.firmware.body_view import FORGET_EVERY_TICKS, LATENESS_TICKS_MAX, OwnTurns, Turn
 from module_agent.firmware.kinematics import Link
 from module_agent.firmware.own_time.view import RealtimeView
 from protocol.robot.states import State
@@ -33,7 +33,7 @@ def live(one: RealtimeView, slot: int, sampled: int, *, top: bool = True) -> Non
     one.hold_until(slot - DELAY)
     one.sampled_slot = sampled
     one.forget(slot)
-    one.sense(slot, turn(sampled), turn(sampled), top=top)
+    one.sense(slot, OwnTurns(turn(sampled), turn(sampled)), top=top)
 
 
 def test_a_sample_bears_the_period_in_which_it_was_taken() -> None:
