@@ -20,16 +20,16 @@ from protocol.robot.scenario import ScenarioError
 
 RUN, SCENARIOS, MEASURE, LIVE = "Run", "Scenarios", "Measure", "On a running robot"
 GUIDE = """\
-Robot joints that decide for themselves. Each is a board, a process of its own; the boards elect,
-over Zenoh, which of them may move, while a plant process integrates the body in lockstep. The same
-scenario and seed give the same motion, to the bit.
+Robot joints that decide for themselves. Each has a board, a process of its own. The boards elect,
+over Zenoh, which of them may move, while a plant process integrates the body. The same scenario and
+seed give the same motion, bit for bit.
 
 \b
 Three things to begin with:
-  [bold]decmesh doctor[/bold]        is this machine fit for it, and if not, what to do
+  [bold]decmesh doctor[/bold]        can this machine run it, and if not, what to do
   [bold]decmesh paper[/bold]         the paper's experiment, its Table II beside ours
   [bold]decmesh run blackout[/bold]  a cable is cut while the robot rises;
-                        how it is, from another terminal: [bold]decmesh status[/bold]
+                        look at it from another terminal: [bold]decmesh status[/bold]
 """
 
 app = typer.Typer(
@@ -67,7 +67,7 @@ def main() -> NoReturn:
 
 @app.command(rich_help_panel=RUN)
 def doctor(as_json: JsonOption = False) -> None:
-    """Whether this machine is fit for it, and if not, what to do.
+    """Check whether this machine can run decmesh; if not, say what to do.
 
     Looks at Python, packages, cores, memory, network, ports, folders, the
     clock, and what other runs may have left over.

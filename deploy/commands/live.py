@@ -54,7 +54,7 @@ def cut(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Nothing passes a link any more.
+    """Cut a link: no frame passes it any more.
 
     Example: decmesh cut ankle-knee
     """
@@ -67,7 +67,7 @@ def heal(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """A link is perfect again, or all of them are.
+    """Make a link perfect again, or all of them.
 
     Example: decmesh heal
     """
@@ -85,7 +85,7 @@ def loss(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Frames are lost at random, each with a probability.
+    """Lose frames at random, each with a probability.
 
     Example: decmesh loss 0.2 knee-hip
     """
@@ -99,7 +99,7 @@ def delay(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Frames come late.
+    """Delay all frames of a link, or of all links.
 
     Example: decmesh delay 5ms ankle-knee
     """
@@ -123,7 +123,7 @@ def push(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """A horizontal force pushes the body, at a link's centre of mass.
+    """Push the body: a horizontal force at a link's centre of mass.
 
     Forward is positive; backward: decmesh push -- -40N
 
@@ -145,7 +145,7 @@ def reference(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Another goal for a board.
+    """Give a board another reference.
 
     Example: decmesh reference hip 5deg
     """
@@ -161,7 +161,7 @@ def sensor(
     rig: RigOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """A sensor of a board fails, or is whole again (ok).
+    """Let a sensor of a board fail, or repair it (ok).
 
     Example: decmesh sensor knee stuck --for 500ms
     """
@@ -182,7 +182,7 @@ def sensor(
 
 
 def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
-    """A board is pulled: its process is killed.
+    """Pull a board: its process is killed.
 
     Example: decmesh unplug knee
     """
@@ -190,7 +190,7 @@ def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = Fa
 
 
 def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
-    """A new board is put in where one was pulled.
+    """Put in a new board where one was pulled.
 
     Example: decmesh plug knee
     """
@@ -198,7 +198,7 @@ def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = Fals
 
 
 def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
-    """How the robot is: tick, boards, links, who is waited for.
+    """Show tick, boards, links, and who is waited for.
 
     Example: decmesh status
     """

@@ -48,7 +48,7 @@ def consensus(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The boards' consensus by itself: rounds, agreement, latency.
+    """Measure the consensus by itself: rounds, agreement, latency.
 
     Boards without a body elect; their urgencies are drawn from the seed. In
     the twin there can be thousands; as processes, as many as there is room for.
@@ -89,7 +89,7 @@ def te(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """What the election period T_e does to the paper's Table II.
+    """Measure what the election period T_e does to the paper's Table II.
 
     The paper does not print its T_e. Here each value is a run of its
     experiment in the twin; one run without elections is put beside them.

@@ -39,9 +39,9 @@ class Format(StrEnum):
 
 
 def replay(recording: RecordingArgument, as_json: JsonOption = False) -> None:
-    """Play a recording again in the twin, and prove it to the bit.
+    """Simulate a recorded run again, and compare every value.
 
-    What came from outside, commands and the deaths of processes, is taken from the recording; all
+    Commands and the deaths of processes are taken from the recording; all
     else is computed again. Exit code 1: a value differs, and it is named.
 
     Example: decmesh replay runs/storm-20260101-120000
@@ -130,7 +130,7 @@ def _replay_realtime(spool: "Spool", file: Path, *, as_json: bool, same_arithmet
 def recover(
     recording: RecordingArgument, out_folder: OutOption = None, as_json: JsonOption = False
 ) -> None:
-    """Make run.mcap of what there is of a run that was cut off.
+    """Make run.mcap from what there is of a run that was cut off.
 
     Example: decmesh recover runs/storm-20260101-120000
     """
@@ -157,7 +157,8 @@ def export(
 ) -> None:
     """Write ticks, epochs and events as tables, for an analysis of your own.
 
-    Every column is named with its unit; deploy/docs/recordings.md explains them.
+    Every column is named with its unit; the chapter on recordings explains
+    them: deploy/docs/recordings.md.
 
     Example: decmesh export runs/storm-20260101-120000 --to csv
     """

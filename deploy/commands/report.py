@@ -26,7 +26,7 @@ def report(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """A page about a run, or about several side by side.
+    """Write a page about a run, or about several side by side.
 
     Writes report.html, which needs nothing else, and its figures beside it.
 

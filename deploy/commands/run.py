@@ -44,18 +44,19 @@ def _checked_time(text: str | None) -> str | None:
 
 SeedOption = Annotated[int | None, typer.Option(help="Seed of everything random (run.seed).")]
 TwinOption = Annotated[
-    bool, typer.Option("--twin", help="In one process instead: the same trajectory to the bit.")
+    bool, typer.Option("--twin", help="In one process instead; the trajectory is bit-identical.")
 ]
 PatienceOption = Annotated[
     str | None,
     typer.Option(
         metavar="TIME",
         callback=_checked_time,
-        help="Go on without a board that is silent for so long, e.g. 200ms; default: never.",
+        help="Go on without a board that is silent for so long, e.g. 200ms; default: wait.",
     ),
 ]
 RealtimeOption = Annotated[
-    bool, typer.Option("--realtime", help="By the wall clock, waiting for nobody: not repeatable.")
+    bool,
+    typer.Option("--realtime", help="By the wall clock: nobody waits; not repeatable."),
 ]
 PaceOption = Annotated[
     float | None,
@@ -63,7 +64,7 @@ PaceOption = Annotated[
         min=PACE_MIN,
         max=PACE_MAX,
         metavar="FACTOR",
-        help="Go no faster than so many seconds of the body in one of the wall, e.g. 1 or 0.25.",
+        help="At most so many simulated seconds per second, e.g. 1 or 0.25.",
     ),
 ]
 
@@ -74,7 +75,7 @@ def paper(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The paper's experiment: Table II beside ours, and figures.
+    """Run the paper's experiment: its Table II beside ours, and figures.
 
     With both controllers: the original, where all boards move, and the
     distributed, where they elect the one that moves.
@@ -115,10 +116,10 @@ def run(
     realtime: RealtimeOption = False,
     pace: PaceOption = None,
 ) -> None:
-    """One scenario, in processes over Zenoh or as a twin.
+    """Run one scenario, in processes over Zenoh or in one process.
 
-    A plant and a board for each joint, in lockstep unless told otherwise. What came out is in
-    summary.json.
+    A plant and a board for each joint, in lockstep unless the scenario says
+    otherwise. The result is in summary.json.
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """

@@ -18,7 +18,7 @@ ScenarioArgument = Annotated[
 
 
 def scenarios(as_json: JsonOption = False) -> None:
-    """Which scenarios there are, and what each shows.
+    """List the scenarios, and what each shows.
 
     Example: decmesh scenarios
     """
@@ -41,7 +41,7 @@ def check(
     resolved: Annotated[bool, typer.Option("--resolved", help="Print every value.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Every mistake of a scenario at once, each with its key.
+    """Name every mistake of a scenario, each with its key.
 
     Example: decmesh check my_robot.toml
     """

@@ -23,7 +23,7 @@ def loss(
     out_folder: OutOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Lose 0 to 50 % of all frames: agreement and balance.
+    """Run the twin with 0 to 50 % of all frames lost: agreement, balance.
 
     Each loss is run with 2 to 8 consensus rounds, and with several seeds.
 

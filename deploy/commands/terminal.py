@@ -30,7 +30,7 @@ OutOption = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results; default: a new one in runs/.")
 ]
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the same as JSON, and nothing else.")
+    bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")
 ]
 
 

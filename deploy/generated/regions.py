@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+from deploy.generated.channels import channels
 from deploy.generated.commands import commands, options
 from deploy.generated.exit_codes import exit_codes
 from deploy.generated.scenario_keys import scenario_keys
@@ -21,6 +22,7 @@ from deploy.generated.summary_keys import summary_keys
 
 ROOT = Path(__file__).parents[2]
 TABLES: dict[str, Callable[[], str]] = {
+    "channels": channels,
     "commands": commands,
     "exit-codes": exit_codes,
     "options-live": partial(options, "On a running robot"),

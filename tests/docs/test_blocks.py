@@ -18,7 +18,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 from tests.docs.documents import CHAPTERS, ROOT, Block, blocks
+
+pytestmark = [pytest.mark.processes, pytest.mark.slow]
 
 LIMIT_S = 300.0
 MARK = "@@ end of block"
