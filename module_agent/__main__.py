@@ -5,8 +5,9 @@ import sys
 
 from module_agent.process.serving import serve
 from protocol.process.exit_codes import ExitCode, refused
+from protocol.process.resolving import load
 from protocol.process.stopping import StoppedError, stop_at_end_of_input, stop_on_signals
-from protocol.robot.scenario import ScenarioError, load
+from protocol.robot.scenario import ScenarioError
 from protocol.wire.enrolment import Verdict
 
 

@@ -16,6 +16,7 @@ from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.durations import duration_s, pace
 from protocol.process.exit_codes import ExitCode
+from protocol.process.resolving import load
 from protocol.process.stopping import (
     StoppedError,
     ignore_signals,
@@ -23,7 +24,7 @@ from protocol.process.stopping import (
     stop_at_end_of_input,
     stop_on_signals,
 )
-from protocol.robot.scenario import ResolvedScenario, ScenarioError, load
+from protocol.robot.scenario import Scenario, ScenarioError
 from protocol.wire.wiring import network_trouble, plant_session, rig_of, set_runtime_threads
 
 
@@ -51,12 +52,12 @@ def main() -> int:
         return ExitCode.STOPPED
 
 
-def serve(scenario: ResolvedScenario, options: Options) -> int:
+def serve(scenario: Scenario, options: Options) -> int:
     """Run the plant over Zenoh; return the exit code.
 
     Raises `stopping.StoppedError` when it is told to stop before the run has begun.
     """
-    rig = rig_of(scenario.values)
+    rig = rig_of(scenario)
     set_runtime_threads()
     try:
         with restarted_when_stuck():
@@ -78,26 +79,24 @@ def serve(scenario: ResolvedScenario, options: Options) -> int:
     return _report(outcome, scenario, options)
 
 
-def _recording(
-    scenario: ResolvedScenario, options: Options
-) -> AbstractContextManager[SpoolWriter | None]:
+def _recording(scenario: Scenario, options: Options) -> AbstractContextManager[SpoolWriter | None]:
     if options.spool is None:
         return nullcontext()
-    return SpoolWriter(options.spool, scenario.values, facts("processes"), _tell)
+    return SpoolWriter(options.spool, scenario, facts("processes"), _tell)
 
 
 def _tell(line: str) -> None:
     print(f"plant: {line}", file=sys.stderr, flush=True)
 
 
-def _report(outcome: Outcome, scenario: ResolvedScenario, options: Options) -> int:
+def _report(outcome: Outcome, scenario: Scenario, options: Options) -> int:
     if outcome.ending == COMPLETE:
         if not options.progress:
             rate = outcome.tick / outcome.wall_s
             print(f"plant: complete after {outcome.tick} ticks, {rate:.0f} a second")
         return ExitCode.OK
     if outcome.ending == FELL:
-        print(f"plant: {fall_line(outcome, scenario.values['run']['tick_s'])}", file=sys.stderr)
+        print(f"plant: {fall_line(outcome, scenario.run.tick_s)}", file=sys.stderr)
         return ExitCode.FELL
     print(f"plant: {outcome.ending}", file=sys.stderr)
     return ExitCode.STOPPED if outcome.ending == STOPPED else ExitCode.PEER_LOST

@@ -55,7 +55,7 @@ def growing(
             twin.tick()
         kept.append(elements(twin))
     early, late = kept
-    epochs = (late_ticks - early_ticks) // twin.scenario.values["election"]["period_ticks"]
+    epochs = (late_ticks - early_ticks) // twin.scenario.election.period_ticks
     return {
         path: (early[path], late[path])
         for path in late
@@ -161,7 +161,7 @@ def running(scenario: str) -> Iterator[Robot]:
     """A robot under way."""
     with TemporaryDirectory() as name, claim(load(scenario, [FOR_EVER]), Path(name)) as placed:
         file = Path(name) / "scenario.json"
-        file.write_bytes(canonical(placed.values))
+        file.write_bytes(canonical(placed))
         robot = Robot(file, placed.joints)
         try:
             while robot.tick == 0:

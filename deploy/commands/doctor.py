@@ -65,11 +65,11 @@ def _network() -> Iterator[Check]:
         yield look.rig_files()
         yield look.processes()
         scenario = load(SCENARIO)
-        rig = scenario.values["rig"]
+        rig = scenario.rig
         with rigs.claim(scenario, Path()) as placed:
-            free: int = placed.values["rig"]["base_port"]
-            yield look.ports(rig["base_port"], free, len(scenario.joints) + 1)
-            yield look.zenoh(rig["host"], free)
+            free = placed.rig.base_port
+            yield look.ports(rig.base_port, free, len(scenario.joints) + 1)
+            yield look.zenoh(rig.host, free)
     except rigs.NoPortsError as error:
         yield Check("ports", "wrong", str(error), "end other programs that listen there")
     except OSError as error:

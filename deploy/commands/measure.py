@@ -100,8 +100,8 @@ def te(
     from deploy.experiments.election_period.figure import te_figure  # noqa: PLC0415 - as above
     from deploy.experiments.election_period.table import te_table  # noqa: PLC0415 - as above
 
-    usual = load(measuring.SCENARIO, settings or []).values
-    tick_s: float = usual["run"]["tick_s"]
+    usual = load(measuring.SCENARIO, settings or [])
+    tick_s: float = usual.run.tick_s
     try:
         periods_s = measuring.periods_s(values, tick_s=tick_s)
     except ValueError as error:
@@ -112,7 +112,7 @@ def te(
         results, complete = work_off(measuring.measure, cases, lambda _result: advance(1))
     results = measuring.in_order(results)
     if results:
-        usual_s: float = usual["election"]["period_ticks"] * tick_s
+        usual_s: float = usual.election.period_ticks * tick_s
 
         def write() -> list[Path]:
             measuring.write_csv(results, folder / measuring.CSV)

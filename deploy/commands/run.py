@@ -25,7 +25,7 @@ from deploy.scenario_file.load import load
 from protocol.process.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, stop_on_signals
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 
 if TYPE_CHECKING:
     from deploy.outcome.results import Concluded
@@ -126,8 +126,8 @@ def run(
     overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
     overrides += ["run.mode=realtime"] if realtime else []
     resolved = load(scenario, overrides)
-    _check_clock(in_realtime="realtime" in resolved.values, twin=twin, pace=pace)
-    name: str = resolved.values["name"]
+    _check_clock(in_realtime=resolved.realtime is not None, twin=twin, pace=pace)
+    name = resolved.name
     folder = runs.new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
     options += [] if pace is None else ["--pace", str(pace)]
@@ -158,7 +158,7 @@ def _check_clock(*, in_realtime: bool, twin: bool, pace: float | None) -> None:
 
 
 def _run(
-    scenario: ResolvedScenario,
+    scenario: Scenario,
     folder: Path,
     *,
     twin: bool,
@@ -169,7 +169,7 @@ def _run(
 
     Also of a run that is stopped; then raises `StoppedError`.
     """
-    with ticks_shown(label, scenario.values) as on_tick:
+    with ticks_shown(label, scenario) as on_tick:
         watch = Watch(on_tick, say)
         try:
             code = runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)

@@ -22,7 +22,7 @@ def scenarios(as_json: JsonOption = False) -> None:
 
     Example: decmesh scenarios
     """
-    shown = {name: load(name).values["description"] for name in available()}
+    shown = {name: load(name).description for name in available()}
     if as_json:
         print_json(shown)
         return
@@ -53,7 +53,7 @@ def check(
         print_json({"scenario": scenario, "fine": False, "mistakes": str(error).splitlines()})
         raise typer.Exit(ExitCode.BAD_INPUT) from error
     if resolved:
-        print(canonical(found.values).decode())
+        print(canonical(found).decode())
     elif as_json:
         about = {"boards": found.joints, "digest": found.digest.hex()}
         print_json({"scenario": scenario, "fine": True, **about, "mistakes": []})

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from deploy.failure import FailedError
 from protocol.process.exit_codes import ExitCode
+from protocol.robot.scenario import Scenario
 
 out, err = Console(), Console(stderr=True)
 WIDTH_MAX = 500
@@ -123,9 +124,9 @@ def progress(
 
 
 @contextmanager
-def ticks_shown(label: str, scenario: dict[str, Any]) -> Iterator[Callable[[int], None]]:
+def ticks_shown(label: str, scenario: Scenario) -> Iterator[Callable[[int], None]]:
     """Show the ticks of a scenario as they go by; yields what to call with the newest."""
-    with progress(label, scenario["run"]["ticks"], "left") as advance:
+    with progress(label, scenario.run.ticks, "left") as advance:
         shown = 0
 
         def on_tick(tick: int) -> None:

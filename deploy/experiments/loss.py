@@ -180,7 +180,7 @@ _TOP = "TS"
 
 def _run(case: Case) -> Trajectory:
     scenario = load(SCENARIO, case.settings)
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 @cache

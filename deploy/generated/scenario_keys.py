@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from deploy.generated.markdown import attribute_docs, table
 from deploy.scenario_file.event_tables import LINK_PATTERN
-from deploy.scenario_file.tables import HOST_PATTERN, NAME_PATTERN, Scenario
+from deploy.scenario_file.tables import HOST_PATTERN, NAME_PATTERN, ScenarioTable
 
 Schema = dict[str, Any]
 
@@ -45,7 +45,7 @@ CHOICE = "do"
 
 def scenario_keys() -> str:
     """Give a heading, a sentence and a table for each TOML table of a scenario file."""
-    return "\n\n".join(_sections("", Scenario))
+    return "\n\n".join(_sections("", ScenarioTable))
 
 
 def unit(key: str) -> str:

@@ -6,5 +6,5 @@ from deploy.scenario_file.load import available, load
 
 def scenarios() -> str:
     """Give every scenario with its own description."""
-    rows = [(f"`{name}`", load(name).values["description"]) for name in available()]
+    rows = [(f"`{name}`", load(name).description) for name in available()]
     return table(("scenario", "what it shows"), rows)

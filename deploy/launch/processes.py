@@ -17,7 +17,7 @@ from typing import IO, NamedTuple, Self
 from deploy.failure import FailedError
 from deploy.launch.machine import place
 from protocol.process.exit_codes import ExitCode
-from protocol.robot.scenario import ResolvedScenario, canonical
+from protocol.robot.scenario import Scenario, canonical
 from protocol.wire.wiring import RUNTIME_THREADS
 
 STOP_PATIENCE_S = 1.5
@@ -50,7 +50,7 @@ class Processes:
 
     def __init__(
         self,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         folder: Path,
         watch: Watch,
         plant_options: Sequence[str] = (),
@@ -65,7 +65,7 @@ class Processes:
         self._roles = ("plant", *scenario.joints)
 
     def __enter__(self) -> Self:
-        (self.folder / SCENARIO).write_bytes(canonical(self.scenario.values))
+        (self.folder / SCENARIO).write_bytes(canonical(self.scenario))
         spool = str(self.folder / SPOOL)
         self._start("plant", "plant_server", "--spool", spool, "--progress", *self.plant_options)
         for joint in self.scenario.joints:

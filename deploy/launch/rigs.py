@@ -16,7 +16,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from protocol.robot.scenario import ResolvedScenario, resolved
+from msgspec.structs import asdict, replace
+
+from protocol.robot.scenario import RigSettings, Scenario
 
 PORTS_APART = 32
 RIGS_MAX = 200
@@ -36,21 +38,32 @@ def folder() -> Path:
 
 
 @contextmanager
-def claim(scenario: ResolvedScenario, run_folder: Path) -> Iterator[ResolvedScenario]:
+def claim(scenario: Scenario, run_folder: Path) -> Iterator[Scenario]:
     """Reserve ports for a robot, starting with those that its scenario names.
 
     Yields the scenario with the ports that it got. Raises `NoPortsError`.
     """
+    rig, ports = scenario.rig, len(scenario.boards) + 1
+    with claim_ports(rig, ports, run_folder, name=scenario.name) as base_port:
+        yield replace(scenario, rig=replace(rig, base_port=base_port))
+
+
+@contextmanager
+def claim_ports(rig: RigSettings, count: int, run_folder: Path, *, name: str) -> Iterator[int]:
+    """Reserve so many ports in a row, the first of which this yields. Raises `NoPortsError`.
+
+    `name`: of what is run, for whoever looks at what there is.
+    """
     with _alone():
-        base_port = _free_base_port(scenario)
-        values = {**scenario.values, "rig": {**scenario.values["rig"], "base_port": base_port}}
+        base_port = _free_base_port(rig, count)
         path = folder() / f"{base_port}.json"
         file = path.open("a+")
         assert _lock(file.fileno()), "nobody else is choosing, and nobody has these ports"
-        _describe(file, values, run_folder)
+        about = {**asdict(rig), "base_port": base_port, "ports": count, "pid": os.getpid()}
+        _describe(file, {**about, "scenario": name, "run": str(run_folder.resolve())})
     with file:
         try:
-            yield resolved(values)
+            yield base_port
         finally:
             with _alone():
                 path.unlink(missing_ok=True)
@@ -67,17 +80,16 @@ def _alone() -> Iterator[None]:
         os.close(descriptor)
 
 
-def _free_base_port(scenario: ResolvedScenario) -> int:
-    rig, count = scenario.values["rig"], len(scenario.joints) + 1
-    first: int = rig["base_port"]
+def _free_base_port(rig: RigSettings, count: int) -> int:
+    first = rig.base_port
     last = min(PORT_MAX - count + 1, first + (RIGS_MAX - 1) * max(PORTS_APART, count))
     taken = set(_ports_of_rigs())
     for base_port in range(first, last + 1, max(PORTS_APART, count)):
         ports = range(base_port, base_port + count)
-        if taken.isdisjoint(ports) and _all_free(rig["host"], ports):
+        if taken.isdisjoint(ports) and _all_free(rig.host, ports):
             return base_port
     raise NoPortsError(
-        f"no {count} free ports in a row on {rig['host']} from {first} on;"
+        f"no {count} free ports in a row on {rig.host} from {first} on;"
         f" end other runs, or set rig.base_port"
     )
 
@@ -104,11 +116,9 @@ def running() -> list[dict[str, Any]]:
     return found
 
 
-def _describe(file: Any, values: dict[str, Any], run_folder: Path) -> None:
+def _describe(file: Any, about: dict[str, Any]) -> None:
     file.truncate(0)
-    about = {"ports": len(values["board"]) + 1, "pid": os.getpid()}
-    run = {"scenario": values["name"], "run": str(run_folder.resolve())}
-    json.dump({**values["rig"], **about, **run}, file)
+    json.dump(about, file)
     file.flush()
 
 

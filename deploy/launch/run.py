@@ -15,7 +15,7 @@ from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, undisturbed
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 
 SUMMARY = "summary.json"
 RUNS = Path("runs")
@@ -52,7 +52,7 @@ def _folder_of_its_own(name: str) -> Path:
 
 
 def run(
-    scenario: ResolvedScenario,
+    scenario: Scenario,
     folder: Path,
     *,
     twin: bool,
@@ -75,12 +75,12 @@ def run(
         raise RunFailedError(ExitCode.NO_NETWORK, str(error)) from error
 
 
-def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
+def _run_twin(scenario: Scenario, folder: Path, watch: Watch) -> int:
     twin = Twin(scenario)
     started = time.monotonic()
     stopped = None
     with (
-        SpoolWriter(folder / SPOOL, scenario.values, facts("twin"), watch.on_line) as spool,
+        SpoolWriter(folder / SPOOL, scenario, facts("twin"), watch.on_line) as spool,
         redirect_stdout(sys.stderr),  # What a controller prints is none of our output.
     ):
         try:
@@ -103,7 +103,7 @@ def _run_twin(scenario: ResolvedScenario, folder: Path, watch: Watch) -> int:
         raise StoppedError
     if not twin.lockstep.body.fallen:
         return ExitCode.OK
-    watch.on_line(fall_line(outcome, scenario.values["run"]["tick_s"]))
+    watch.on_line(fall_line(outcome, scenario.run.tick_s))
     return ExitCode.FELL
 
 

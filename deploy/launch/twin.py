@@ -15,7 +15,7 @@ from module_agent.firmware.config import board_config
 from plant_server.record import Outcome, TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.lockstep import Lockstep
-from protocol.robot.scenario import ResolvedScenario, run_id
+from protocol.robot.scenario import Scenario, run_id
 
 
 class Twin:
@@ -24,12 +24,12 @@ class Twin:
     Raises `ScenarioError` when a controller's file is not the one that the scenario means.
     """
 
-    def __init__(self, scenario: ResolvedScenario) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         for joint in scenario.joints:
-            foreign.check(board_config(scenario.values, joint))
+            foreign.check(board_config(scenario, joint))
         self.run_id = run_id(scenario.digest)
-        self.lockstep = Lockstep(plant_config(scenario.values), run_id=self.run_id)
+        self.lockstep = Lockstep(plant_config(scenario), run_id=self.run_id)
         self.boards: list[Board | None] = [None] * len(scenario.joints)
         self._incarnations = [0] * len(scenario.joints)
         for board in range(len(scenario.joints)):
@@ -83,7 +83,7 @@ class Twin:
             return
         self._incarnations[board] += 1
         incarnation = self._incarnations[board]
-        config = board_config(self.scenario.values, self.scenario.joints[board])
+        config = board_config(self.scenario, self.scenario.joints[board])
         self.boards[board] = Board(config, run_id=self.run_id, incarnation=incarnation)
         self.lockstep.admit(board, incarnation)
 
@@ -104,7 +104,7 @@ def _no_collector() -> Iterator[None]:
             gc.enable()
 
 
-def run_twin(scenario: ResolvedScenario) -> tuple[list[TickRecord], Outcome]:
+def run_twin(scenario: Scenario) -> tuple[list[TickRecord], Outcome]:
     """Play a whole run and return what a spool would hold."""
     twin = Twin(scenario)
     records = []

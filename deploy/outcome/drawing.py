@@ -91,7 +91,7 @@ def labelled_rows(links: int, most: int) -> list[int]:
 
 def draw_orientations(axes: Axes, motion: Motion, frame: Frame) -> None:
     """Draw the links in space over time (A)."""
-    names = motion.trajectory.scenario["link_names"]
+    names = motion.trajectory.scenario.link_names
     links, labelled = len(names), labelled_rows(len(names), LABELS_MAX)
     axes.axhline(0.0, color=PALE, linewidth=0.6, zorder=0)
     for link, name in enumerate(names):
@@ -120,7 +120,7 @@ def draw_orientations(axes: Axes, motion: Motion, frame: Frame) -> None:
 def draw_enabled(axes: Axes, motion: Motion, frame: Frame) -> None:
     """Draw one row per board, filled while it is enabled."""
     enabled, tick_s = motion.trajectory.enabled, motion.trajectory.tick_s
-    joints = [board["joint"] for board in motion.trajectory.scenario["board"]]
+    joints = motion.trajectory.scenario.joints
     for board in range(len(joints)):
         bars = [(a * tick_s, (b - a) * tick_s) for a, b in spans(enabled[:, board] > 0)]
         colour = board_colour(board, len(joints))

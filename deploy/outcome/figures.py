@@ -84,7 +84,7 @@ def panels(trajectory: Trajectory, stem: Path) -> list[Path]:
     Raises OSError.
     """
     with style.context(["default", STYLE]):
-        strip = trajectory.scenario["election"]["enabled"]
+        strip = trajectory.scenario.election.enabled
         return _save(stacked([("", trajectory)], strip=strip), stem)
 
 
@@ -117,7 +117,7 @@ def stacked(runs: Sequence[tuple[str, Trajectory]], *, strip: bool) -> Figure:
 
 
 def _motion(trajectory: Trajectory) -> Motion:
-    boards, found = trajectory.scenario["board"], samples(trajectory)
+    boards, found = trajectory.scenario.boards, samples(trajectory)
     return Motion(
         trajectory,
         found.times_s,

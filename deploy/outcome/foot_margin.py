@@ -28,12 +28,12 @@ class FootMargin(NamedTuple):
 
 def cop_m(run: Trajectory) -> Floats:
     """Centre of pressure in each tick, forward of the ankle, (T,); NaN while nobody drives it."""
-    boards, passive = run.scenario["board"], run.scenario["board"][0]["passive"]
+    boards, passive = run.scenario.boards, run.scenario.boards[0].passive
     angle_rad, rate_rad_s = run.angles_rad[:-1, 0], run.rates_rad_s[:-1, 0]
-    torque_nm = run.torques_nm[:, 0] - passive["damping_nm_s_rad"] * rate_rad_s
-    torque_nm = torque_nm - passive["stiffness_nm_rad"] * (angle_rad - passive["rest_rad"])
+    torque_nm = run.torques_nm[:, 0] - passive.damping_nm_s_rad * rate_rad_s
+    torque_nm = torque_nm - passive.stiffness_nm_rad * (angle_rad - passive.rest_rad)
     driven = ~np.isin(run.state[:, 0], NOT_DRIVING)
-    masses_kg = np.array([board["link"]["mass_kg"] for board in boards])
+    masses_kg = np.array([board.link.mass_kg for board in boards])
     with np.errstate(divide="ignore", invalid="ignore"):
         cop = -torque_nm / _weight_n(run, masses_kg)
     result: Floats = np.where(driven, cop, np.nan)
@@ -45,11 +45,11 @@ def margin_m(run: Trajectory) -> Floats | None:
 
     None without a foot. NaN where nobody drives the ankle.
     """
-    foot = run.scenario["board"][0]["foot"]
+    foot = run.scenario.boards[0].foot
     if foot is None:
         return None
     cop = cop_m(run)
-    margins_m: Floats = np.minimum(foot["ahead_m"] - cop, foot["behind_m"] + cop)
+    margins_m: Floats = np.minimum(foot.ahead_m - cop, foot.behind_m + cop)
     return margins_m
 
 
@@ -78,9 +78,9 @@ def _tipping_ticks(run: Trajectory) -> int:
 
 def _weight_n(run: Trajectory, masses_kg: Floats) -> Floats:
     """Vertical force on the foot, mean of the tick before each, (T,)."""
-    boards = run.scenario["board"]
-    coms_m = np.array([board["link"]["com_m"] for board in boards])
-    lengths_m = np.array([board["link"]["length_m"] for board in boards])
+    boards = run.scenario.boards
+    coms_m = np.array([board.link.com_m for board in boards])
+    lengths_m = np.array([board.link.length_m for board in boards])
     above_kg = masses_kg.sum() - np.cumsum(masses_kg)
     moments_kg_m = masses_kg * coms_m + lengths_m * above_kg
     rates_rad_s = np.cumsum(run.rates_rad_s, axis=1)

@@ -13,13 +13,14 @@ mirror image have the same indices.
 from collections import Counter
 from collections.abc import Sequence
 from math import degrees, floor
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deploy.recording.epochs import NOT_KNOWN, Epochs, epochs
 from deploy.recording.trajectory import Floats, Integers, Trajectory
+from protocol.robot.scenario import BoardSettings
 
 SAMPLES_PER_S = 100
 BAND = 0.02
@@ -110,17 +111,17 @@ def samples(trajectory: Trajectory) -> Samples:
     return Samples(times_s[:kept], states[:kept], orientations_rad[states[:kept]])
 
 
-def joint_positions_m(boards: Sequence[dict[str, Any]], orientations_rad: Floats) -> Floats:
+def joint_positions_m(boards: Sequence[BoardSettings], orientations_rad: Floats) -> Floats:
     """Joints and, last, the tip: (S, N + 1, 2), forward and up from the lowest of `boards`."""
-    lengths_m = np.array([board["link"]["length_m"] for board in boards])
+    lengths_m = np.array([board.link.length_m for board in boards])
     ends_m = np.cumsum(lengths_m[:, None] * _directions(orientations_rad), axis=1)
     return np.concatenate([np.zeros_like(ends_m[:, :1]), ends_m], axis=1)
 
 
-def com_m(boards: Sequence[dict[str, Any]], orientations_rad: Floats) -> Floats:
+def com_m(boards: Sequence[BoardSettings], orientations_rad: Floats) -> Floats:
     """Centre of mass of the links of `boards`, seen from the lowest of their joints, (S, 2)."""
-    masses_kg = np.array([board["link"]["mass_kg"] for board in boards])
-    coms_m = np.array([board["link"]["com_m"] for board in boards])
+    masses_kg = np.array([board.link.mass_kg for board in boards])
+    coms_m = np.array([board.link.com_m for board in boards])
     lower_m = joint_positions_m(boards, orientations_rad)[:, :-1]
     centres_m = lower_m + coms_m[:, None] * _directions(orientations_rad)
     centre: Floats = (masses_kg[:, None] * centres_m).sum(axis=1) / masses_kg.sum()
@@ -129,14 +130,14 @@ def com_m(boards: Sequence[dict[str, Any]], orientations_rad: Floats) -> Floats:
 
 def controlled_variables(trajectory: Trajectory) -> list[Variable]:
     """What each board controls, from the top down as the paper prints it: TS, KNEE, BS."""
-    boards, orientations_rad = trajectory.scenario["board"], samples(trajectory).orientations_rad
+    boards, orientations_rad = trajectory.scenario.boards, samples(trajectory).orientations_rad
     variables: dict[str, Variable] = {}
     for i, board in reversed(list(enumerate(boards))):
         values_rad = _controlled_rad(boards, orientations_rad, i)
-        name = _name(board["controls"], board["joint"], trajectory.scenario["link_names"][i], i)
+        name = _name(board.controls, board.joint, trajectory.scenario.link_names[i], i)
         if name in variables:
-            name = f"{board['joint']}/{board['controls']}"
-        variables[name] = Variable(name, board["reference_rad"], values_rad)
+            name = f"{board.joint}/{board.controls}"
+        variables[name] = Variable(name, board.reference_rad, values_rad)
     return list(variables.values())
 
 
@@ -217,10 +218,10 @@ def _approach(
 
 
 def _controlled_rad(
-    boards: Sequence[dict[str, Any]], orientations_rad: Floats, board: int
+    boards: Sequence[BoardSettings], orientations_rad: Floats, board: int
 ) -> Floats:
     link_rad: Floats = orientations_rad[:, board]
-    match boards[board]["controls"]:
+    match boards[board].controls:
         case "body-sway":
             x_m, y_m = com_m(boards[board:], orientations_rad[:, board:]).T
             sway_rad: Floats = np.arctan2(x_m, y_m)

@@ -85,10 +85,10 @@ def summary(
     agreed = elections(trajectory) if epochs is None else counted(epochs)
     foot = foot_margin(trajectory)
     values: SummaryKeys = {
-        "scenario": scenario["name"],
-        "seed": scenario["run"]["seed"],
+        "scenario": scenario.name,
+        "seed": scenario.run.seed,
         "mode": mode,
-        "controller": "distributed" if scenario["election"]["enabled"] else "original",
+        "controller": "distributed" if scenario.election.enabled else "original",
         "ending": trajectory.ending,
         "ticks": trajectory.ticks,
         "simulated_s": trajectory.ticks * trajectory.tick_s,
@@ -101,7 +101,7 @@ def summary(
         "consensus": agreed and agreed._asdict(),
         "realtime": None if realtime is None else realtime_summary(realtime, trajectory.joints),
         "faults": [
-            {"joint": scenario["board"][board]["joint"], "tick": tick, "code": code, "text": text}
+            {"joint": scenario.boards[board].joint, "tick": tick, "code": code, "text": text}
             for tick, (_what, board, code, text) in _failures(trajectory)
         ],
         "degraded": list(_degraded(trajectory)),

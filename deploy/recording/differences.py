@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from deploy.recording.replay import Replay, UnplayableError
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.spool.spool import Spool
-from protocol.robot.scenario import resolved
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import ProtocolError, TorqueFrame, decode
 
@@ -54,7 +53,7 @@ Pair = tuple[str, Any, Any]
 
 def first_difference(spool: Spool, on_tick: Callable[[int], None]) -> Difference | None:
     """Play a recording again to its end; None if every value is the same."""
-    scenario = resolved(spool.scenario)
+    scenario = spool.scenario
     replay = Replay(scenario)
     for recorded in spool.ticks:
         try:

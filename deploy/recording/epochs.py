@@ -10,13 +10,14 @@ Rule 4: in realtime there is no barrier, and so no tick in which all have played
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deploy.recording.trajectory import Floats, Integers, Trajectory
 from protocol.robot.cadence import cadence_of
+from protocol.robot.scenario import Scenario
 
 NOT_KNOWN = -1
 """In place of a number of rounds: not within the epoch's rounds."""
@@ -67,13 +68,13 @@ class Epochs:
 
 def epochs(trajectory: Trajectory) -> Epochs | None:
     """Find the epochs of a run; None when nobody is elected."""
-    election = trajectory.scenario["election"]
-    if not election["enabled"]:
+    election = trajectory.scenario.election
+    if not election.enabled:
         return None
     if cadence_of(trajectory.scenario) is not None:
         return _without_barrier(trajectory)
-    rounds = election["rounds"]
-    first = np.arange(0, trajectory.ticks - rounds, election["period_ticks"], dtype=np.int64)
+    rounds = election.rounds
+    first = np.arange(0, trajectory.ticks - rounds, election.period_ticks, dtype=np.int64)
     number = np.arange(len(first))
     begun = (trajectory.epoch[first] == number[:, None]) & (trajectory.round[first] == 0)
     held = begun.any(axis=1)
@@ -110,18 +111,18 @@ def _first(known: NDArray[np.bool_]) -> Integers:
     return np.where(known.any(axis=1), known.argmax(axis=1), NOT_KNOWN)
 
 
-def epochs_played(scenario: dict[str, Any], ticks: int) -> int | None:
+def epochs_played(scenario: Scenario, ticks: int) -> int | None:
     """Epochs in realtime that had time for all their rounds, and one more to tell of it."""
-    election, cadence = scenario["election"], cadence_of(scenario)
-    if not election["enabled"] or cadence is None:
+    election, cadence = scenario.election, cadence_of(scenario)
+    if not election.enabled or cadence is None:
         return None
-    period, rounds = int(election["period_ticks"]), int(election["rounds"])
+    period, rounds = election.period_ticks, election.rounds
     return max(0, (ticks - (rounds + 1) * cadence.ticks_per_round) // period + 1)
 
 
 def _without_barrier(trajectory: Trajectory) -> Epochs:
     """Boards reckon the plant's tick, so one may begin an epoch, and leave it, some ticks early."""
-    period = trajectory.scenario["election"]["period_ticks"]
+    period = trajectory.scenario.election.period_ticks
     cadence = cadence_of(trajectory.scenario)
     assert cadence is not None
     early = cadence.ticks_per_round // 2

@@ -74,7 +74,7 @@ def _ticks(recording: Recording) -> Iterator[tuple[str, Column]]:
         yield f"{joint}_taken_up_ns", recording.taken_up_ns[:, board]
         yield f"{joint}_decided_ns", recording.decided_ns[:, board]
         yield f"{joint}_said_ns", recording.said_ns[:, board]
-    for link, name in enumerate(run.scenario["link_names"]):
+    for link, name in enumerate(run.scenario.link_names):
         yield f"{name}_orientation_rad", orientations_rad[:-1, link]
     yield "plant_opened_ns", recording.opened_ns
     yield "plant_closed_ns", recording.closed_ns

@@ -20,7 +20,7 @@ import msgpack
 
 from deploy.recording.differences import REFUSED
 from plant_server.spool.spool import Spool
-from protocol.robot.scenario import canonical
+from protocol.robot.scenario import meaning
 from protocol.wire.frames import TorqueFrame, decode
 
 
@@ -34,7 +34,7 @@ def logical_sha256(spool: Spool) -> str:
 
 
 def _items(spool: Spool) -> Iterator[Any]:
-    yield [canonical({key: part for key, part in spool.scenario.items() if key != "rig"})]
+    yield [meaning(spool.scenario)]
     for tick, *motion, answers, events in spool.ticks:
         yield [tick, *motion, [_frame(answer) for answer in answers], events]
     outcome = spool.outcome

@@ -30,10 +30,9 @@ from deploy.recording.wall_times import (
     clocks_shared,
     efforts,
 )
-from module_agent.firmware.config import board_config
-from plant_server.session.config import plant_config
+from plant_server.spool.spool import recorded_scenario
 from protocol.robot.cadence import cadence_of
-from protocol.robot.scenario import KEYS
+from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK
 from protocol.wire.timing import TickTiming, Timing
 from protocol.wire.trace import Lived, Taken
@@ -89,7 +88,7 @@ def read_recording(path: Path) -> Recording:
 def recording(said: Channels) -> Recording:
     """Make arrays of what the messages of a file say. Raises one of `DAMAGE`."""
     scenario, facts = _scenario(said), _facts(said)
-    joints = [board["joint"] for board in scenario["board"]]
+    joints = scenario.joints
     timings = list(_timings(said, joints))
     plant_timings = said.rows(topics.TIMING, rows.PlantTimingRow)
     body = _body(said, len(joints), plant_timings)
@@ -122,19 +121,12 @@ def recording(said: Channels) -> Recording:
     )
 
 
-def _scenario(said: Channels) -> dict[str, Any]:
-    """The scenario, if plant and boards could be made from it."""
+def _scenario(said: Channels) -> Scenario:
+    """What was run."""
     row = said.only(topics.SCENARIO, rows.ScenarioRow)
     if row is None:
         raise ValueError("it does not say what was run")
-    values = rows.json_table(row.resolved)
-    lacking = sorted(KEYS - set(values))
-    if lacking:
-        raise ValueError(f"its scenario has no {lacking[0]!r}")
-    plant_config(values)
-    for board in values["board"]:
-        board_config(values, board["joint"])
-    return values
+    return recorded_scenario(row.resolved.encode())
 
 
 def _facts(said: Channels) -> dict[str, Any]:
@@ -214,7 +206,7 @@ def _answers(said: Channels, joints: Sequence[str], body: Body) -> dict[str, Any
 
 
 def _trajectory(
-    scenario: dict[str, Any], body: Body, events: list[Event], answers: dict[str, Any]
+    scenario: Scenario, body: Body, events: list[Event], answers: dict[str, Any]
 ) -> Trajectory:
     said = {name: body.free(values) for name, values in answers.items() if name != "said_tick"}
     ended = body.ended
@@ -262,7 +254,7 @@ def _tick_timing(row: rows.BoardTickRow) -> TickTiming:
 
 def _epochs(said: Channels, run: Trajectory) -> Epochs | None:
     """Elections; None where nobody is elected."""
-    if not run.scenario["election"]["enabled"]:
+    if not run.scenario.election.enabled:
         return None
     found = said.rows(topics.EPOCH, rows.EpochRow)
     shape = len(found), len(run.joints)
@@ -330,12 +322,12 @@ def _link(told: Sequence[rows.LinkRow], ticks: int, **known: Any) -> LinkHistory
 
 
 def _realtime(
-    said: Channels, scenario: dict[str, Any], said_tick: Integers, events: Sequence[Event]
+    said: Channels, scenario: Scenario, said_tick: Integers, events: Sequence[Event]
 ) -> RealtimeTimes | None:
     """How boards kept their time; None of a run in lockstep."""
     if cadence_of(scenario) is None:
         return None
-    joints = [board["joint"] for board in scenario["board"]]
+    joints = scenario.joints
     lives = [_lives(said, joint, len(neighbours(i, len(joints)))) for i, joint in enumerate(joints)]
     pace = said.only(topics.PACE, rows.PaceRow)
     account = {} if pace is None else msgspec.structs.asdict(pace)

@@ -14,7 +14,7 @@ in them is taken from what its neighbours have told of it.
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from deploy.recording.replay import UnplayableError
 from module_agent.firmware.board import Actuation
@@ -25,7 +25,7 @@ from plant_server.session.agenda import Agenda
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.spool.spool import PLANT, Spool
-from protocol.robot.scenario import resolved, run_id
+from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import (
     NO_TICK,
     LinkFrame,
@@ -117,7 +117,7 @@ class PlantReplay:
     """The plant, played from its record."""
 
     def __init__(self, spool: Spool) -> None:
-        self.run_id = _run_id(spool) or run_id(resolved(spool.scenario).digest)
+        self.run_id = _run_id(spool) or run_id(spool.scenario.digest)
         self.plant = FreeRunning(plant_config(spool.scenario), run_id=self.run_id)
         self.plant.agenda = Agenda([])  # What came of the scenario's events was recorded.
         self.observations: dict[Life, dict[int, bytes]] = {}
@@ -169,13 +169,13 @@ class _BoardReplay:
 
     def __init__(
         self,
-        scenario: dict[str, Any],
+        scenario: Scenario,
         plant: PlantReplay,
         life: Life,
         lived: deque[Lived],
         words: Words,
     ) -> None:
-        config = board_config(scenario, scenario["board"][life.board]["joint"])
+        config = board_config(scenario, scenario.boards[life.board].joint)
         self.life = life
         self.lived = lived
         self.played = 0

@@ -18,6 +18,7 @@ from deploy.recording.epochs import epochs_played
 from deploy.recording.trajectory import Floats, Integers
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
+from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
 from protocol.wire.trace import Lived, Mark, Trace, decode_told
 from protocol.wire.wiring import neighbours
@@ -125,7 +126,7 @@ class RealtimeRecord(NamedTuple):
 
 def turns(spool: Spool) -> list[Lives]:
     """What each board lived through, from the ground up."""
-    found: list[dict[int, list[Lived]]] = [{} for _ in spool.scenario["board"]]
+    found: list[dict[int, list[Lived]]] = [{} for _ in spool.scenario.boards]
     for board, payload in spool.realtime:
         told = None if board == PLANT else decode_told(payload)
         if isinstance(told, Trace):
@@ -142,7 +143,7 @@ def _record(spool: Spool) -> RealtimeRecord:
     ]
     events = [(record.tick, event) for record in spool.ticks for event in record.events]
     accounts: list[dict[str, float]] = [told for board, told in spool.realtime if board == PLANT]
-    boards = len(spool.scenario["board"])
+    boards = len(spool.scenario.boards)
     return RealtimeRecord(
         turns(spool),
         np.array(said_tick, np.int64).reshape(-1, boards),
@@ -158,7 +159,7 @@ def realtime_times(spool: Spool) -> RealtimeTimes | None:
     return times_of(spool.scenario, _record(spool))
 
 
-def times_of(scenario: dict[str, Any], record: RealtimeRecord) -> RealtimeTimes:
+def times_of(scenario: Scenario, record: RealtimeRecord) -> RealtimeTimes:
     """Find out how boards kept their time in a run of this scenario, which is one in realtime."""
     cadence = cadence_of(scenario)
     assert cadence is not None
@@ -167,7 +168,7 @@ def times_of(scenario: dict[str, Any], record: RealtimeRecord) -> RealtimeTimes:
         for of_board in record.lives
     ]
     lived = [[turn for life in of_board for turn in life] for of_board in lives]
-    tick_ms = scenario["run"]["tick_s"] * 1e3
+    tick_ms = scenario.run.tick_s * 1e3
     clocks = [Clock(tick_ms, ticks) for ticks in cadence.ticks_per_period]
     said_ms = [
         {turn.slot * clock.ticks_per_period: clock.said_ms(turn) for turn in own}
@@ -195,7 +196,7 @@ def times_of(scenario: dict[str, Any], record: RealtimeRecord) -> RealtimeTimes:
             )
             for board in range(len(lived))
         ],
-        policy=scenario["realtime"]["missed"],
+        policy="catch-up" if cadence.catches_up else "skip",
         round_ms=cadence.ticks_per_round * tick_ms,
         epochs=epochs,
         behind_ms_max=record.account.get("behind_ms_max"),
@@ -227,10 +228,10 @@ def _periods_ms(lives: Sequence[Sequence[Lived]]) -> Floats:
 
 
 def _decisions_ms(
-    lived: Sequence[Lived], clock: Clock, scenario: dict[str, Any], epochs: int | None
+    lived: Sequence[Lived], clock: Clock, scenario: Scenario, epochs: int | None
 ) -> Floats:
     found: Floats = np.full(epochs or 0, np.nan)
-    period_ticks = scenario["election"]["period_ticks"]
+    period_ticks = scenario.election.period_ticks
     for turn in lived:
         epoch = turn.slot * clock.ticks_per_period // period_ticks
         if turn.marks & Mark.LATCHED and epoch < len(found):

@@ -17,7 +17,7 @@ from deploy.recording.realtime_replay import IMPOSSIBLE, PlantReplay
 from deploy.recording.replay import Link, Replay, UnplayableError
 from plant_server.record import TickRecord
 from plant_server.spool.spool import Spool
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import (
     CRC_BYTES,
@@ -49,7 +49,7 @@ class ReconstructedTick(NamedTuple):
 class Reconstruction:
     """Tells a recording in lockstep, tick by tick."""
 
-    def __init__(self, scenario: ResolvedScenario) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self.replay = Replay(scenario)
         self.links = list(self.replay.lockstep.roster.links)
         self._receipts = _receipts(len(scenario.joints))
@@ -107,7 +107,7 @@ class RealtimeReconstruction:
 
     def __init__(self, spool: Spool) -> None:
         self._plant = PlantReplay(spool)
-        self._receipts = _receipts(len(spool.scenario["board"]))
+        self._receipts = _receipts(len(spool.scenario.boards))
 
     def tick(self, recorded: TickRecord) -> ReconstructedTick:
         """Tell the next tick. Raises `replay.UnplayableError` or `ProtocolError`."""

@@ -18,7 +18,7 @@ from module_agent.firmware.link_model import Fate, LinkModel
 from plant_server.record import TickRecord
 from plant_server.session.agenda import Agenda
 from protocol.robot.commands import Command
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.wire.frames import Observation, ProtocolError, TorqueFrame, decode
 
 MIDWAY = frozenset({"gone_midway", "excused"})
@@ -85,7 +85,7 @@ class Played(NamedTuple):
 class Replay(Twin):
     """The twin of a robot whose run was recorded."""
 
-    def __init__(self, scenario: ResolvedScenario) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         super().__init__(scenario)
         self.lockstep.agenda = Agenda([])  # What came of the scenario's events was recorded.
         self.witnesses: list[list[Witness]] = [[] for _ in self.boards]
@@ -192,7 +192,7 @@ class Replay(Twin):
         """Put in nobody: who came, and when, is in the recording."""
 
     def _admit(self, board: int, incarnation: int) -> None:
-        config = board_config(self.scenario.values, self.scenario.joints[board])
+        config = board_config(self.scenario, self.scenario.joints[board])
         firmware = Board(config, run_id=self.run_id, incarnation=incarnation)
         self.witnesses[board] = [
             Witness(

@@ -11,10 +11,8 @@ from typing import Any
 from deploy.recording.files import UnreadableError, is_mcap, recording_file
 from deploy.recording.mcap.file import read_mcap
 from deploy.recording.replay import Replay
-from module_agent.firmware.config import board_config
 from plant_server.record import Outcome, TickRecord
 from plant_server.spool.spool import PLANT, Spool, read_spool
-from protocol.robot.scenario import KEYS, resolved
 from protocol.wire.frames import LinkFrame, ProtocolError, decode
 from protocol.wire.trace import LastWord, Trace, decode_told
 from protocol.wire.wiring import neighbours
@@ -55,19 +53,13 @@ def _check(spool: Spool) -> None:
 
 def _check_scenario(spool: Spool) -> int:
     """Whether it can be run; how many joints it has. And whether facts can be read."""
-    if type(spool.scenario) is not dict or type(spool.facts) is not dict:
-        raise ValueError("its scenario or its facts are no tables")
-    lacking = sorted(KEYS - set(spool.scenario))
-    if lacking:
-        raise ValueError(f"its scenario has no {lacking[0]!r}")
+    if type(spool.facts) is not dict:
+        raise ValueError("its facts are no table")
     if "cpu_s" in spool.facts:
         for name in ("cpu_s", "memory_kb"):
             float(spool.facts[name])
-    scenario = resolved(spool.scenario)
-    Replay(scenario)
-    for joint in scenario.joints:
-        board_config(scenario.values, joint)
-    return len(scenario.joints)
+    Replay(spool.scenario)
+    return len(spool.scenario.boards)
 
 
 def _check_realtime(spool: Spool, joints: int) -> None:

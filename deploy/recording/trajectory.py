@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from plant_server.record import Outcome, TickRecord
 from plant_server.spool.spool import Spool
+from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_EPOCH, TorqueFrame, decode
 
 Floats = NDArray[np.float64]
@@ -29,7 +30,7 @@ class Trajectory:
     States are those at the start of a tick, and one more after the last; the rest is per tick.
     """
 
-    scenario: dict[str, Any]
+    scenario: Scenario
     """Values of the resolved scenario."""
     events: list[tuple[int, list[Any]]]
     """What happened to the robot, with its tick; boards that came in warm-up have negative ones."""
@@ -66,12 +67,12 @@ class Trajectory:
     @property
     def joints(self) -> list[str]:
         """Names of the joints."""
-        return [board["joint"] for board in self.scenario["board"]]
+        return self.scenario.joints
 
     @property
     def tick_s(self) -> float:
         """Length of a tick."""
-        return float(self.scenario["run"]["tick_s"])
+        return float(self.scenario.run.tick_s)
 
     @property
     def times_s(self) -> Floats:
@@ -93,12 +94,10 @@ class Trajectory:
         return digest.hexdigest()
 
 
-def trajectory(
-    scenario: dict[str, Any], records: Sequence[TickRecord], outcome: Outcome
-) -> Trajectory:
+def trajectory(scenario: Scenario, records: Sequence[TickRecord], outcome: Outcome) -> Trajectory:
     """Turn the records of a run, warm-up included, into arrays."""
     free = [record for record in records if 0 <= record.tick < outcome.tick]
-    joints = len(scenario["board"])
+    joints = len(scenario.boards)
     said = [
         [decode(TorqueFrame, answer) if answer else NOBODY for answer in record.answers]
         for record in free

@@ -76,7 +76,7 @@ def _names(runs: Sequence[Run]) -> str:
 
 def _subtitle(runs: Sequence[Run]) -> str:
     if len(runs) == 1:
-        told: str = runs[0].recording.trajectory.scenario["description"]
+        told: str = runs[0].recording.trajectory.scenario.description
         return told
     return f"{len(runs)} runs side by side, subject by subject, with the same scales."
 

@@ -40,7 +40,7 @@ class Run:
     @property
     def joints(self) -> list[str]:
         """Names of the boards, from the ground up."""
-        return [board["joint"] for board in self.recording.trajectory.scenario["board"]]
+        return self.recording.trajectory.scenario.joints
 
     @property
     def in_realtime(self) -> bool:

@@ -8,8 +8,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from plant_server.session.config import plant_config
 from protocol.robot.commands import PERFECT, TICKS
+from protocol.robot.scenario import Scenario
 from protocol.robot.sensors import ALL, OK
 from protocol.robot.states import FaultCode
 
@@ -26,11 +26,11 @@ Pair = tuple[int, int]
 class Words:
     """Says what happened, with the names of one robot."""
 
-    def __init__(self, scenario: dict[str, Any]) -> None:
-        self.joints = joints_of(scenario)
-        self.segments: list[str] = scenario["link_names"]
-        self.tick_s: float = scenario["run"]["tick_s"]
-        self.links = plant_config(scenario).standing_links
+    def __init__(self, scenario: Scenario) -> None:
+        self.joints = scenario.joints
+        self.segments = scenario.link_names
+        self.tick_s = scenario.run.tick_s
+        self.links = scenario.standing_links
 
     def standing(self) -> Iterator[str]:
         """What the scenario has for bad links from the start, a clause for each kind of bad."""
@@ -121,11 +121,6 @@ def faults_in_words(faults: dict[str, float], tick_s: float) -> str:
 def sides_in_words(sides: Sequence[Sequence[int]], joints: Sequence[str]) -> str:
     """Name the boards on each side of a gap."""
     return " | ".join(", ".join(joints[board] for board in side) for side in sides)
-
-
-def joints_of(scenario: dict[str, Any]) -> list[str]:
-    """Names of all joints, from the ground up."""
-    return [board["joint"] for board in scenario["board"]]
 
 
 def pairs_of(boards: int) -> list[Pair]:

@@ -8,13 +8,14 @@ resolved scenario is beside it; what values mean together is in `hardware_misfit
 
 from collections.abc import Iterator
 from math import pi, radians
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from deploy.scenario_file.event_tables import Body
 from deploy.scenario_file.ticks import whole_ticks
-from protocol.robot.sensors import sensors_of
+from protocol.robot.hardware import ClockSheet, FootSheet, MotorSheet, PassiveElement
+from protocol.robot.sensors import SensorSheet, sensors_of
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -116,45 +117,55 @@ class BoardHardware(BaseModel):
     foot: FootTable | None = None
 
 
-def resolved_hardware(board: BoardHardware, tick_ms: float) -> dict[str, Any]:
-    """Everything in SI units and ticks, as plant and boards read it."""
-    clock, sensors, actuator, passive = board.clock, board.sensors, board.actuator, board.passive
-    return {
-        "clock": {
-            "skew_ppm": clock.skew_ppm,
-            "jitter_s": clock.jitter_ms / 1e3,
-            "start_up_ticks": whole_ticks(clock.start_up_ms, tick_ms),
-            "start_up_jitter_ticks": whole_ticks(clock.start_up_jitter_ms, tick_ms),
-            "overrun_ticks": sorted(
-                {whole_ticks(at_s * 1e3, tick_ms) or 0 for at_s in clock.overrun_at_s}
-            ),
-        },
-        "sensors": {
-            "encoder_step_rad": 2.0 * pi / 2**sensors.encoder_bits if sensors.encoder_bits else 0.0,
-            "encoder_offset_rad": radians(sensors.encoder_offset_deg),
-            "differentiates": sensors.joint_rate == "encoder",
-            "joint_rate_filter_s": sensors.joint_rate_filter_ms / 1e3,
-            "joint_rate_noise_rad_s_per_sqrt_hz": radians(
-                sensors.joint_rate_noise_deg_s_per_sqrt_hz
-            ),
-            "imu_noise_rad_per_sqrt_hz": radians(sensors.imu_noise_deg_per_sqrt_hz),
-            "imu_rate_noise_rad_s_per_sqrt_hz": radians(sensors.imu_rate_noise_deg_s_per_sqrt_hz),
-            "imu_bias_rad": radians(sensors.imu_bias_deg),
-            "imu_rate_bias_rad_s": radians(sensors.imu_rate_bias_deg_s),
-        },
-        "actuator": {
-            "torque_rate_nm_s": actuator.torque_rate_nm_s,
-            "torque_step_nm": actuator.torque_step_nm,
-            "lag_s": actuator.lag_ms / 1e3,
-            "hold_ticks": actuator.hold_ticks,
-        },
-        "passive": {
-            "rest_rad": radians(passive.rest_deg),
-            "stiffness_nm_rad": passive.stiffness_nm_rad,
-            "damping_nm_s_rad": passive.damping_nm_s_rad,
-        },
-        "foot": None if board.foot is None else board.foot.model_dump(),
-    }
+def clock_sheet(clock: ClockTable, tick_ms: float) -> ClockSheet:
+    """A clock in seconds and ticks."""
+    overruns = {whole_ticks(at_s * 1e3, tick_ms) or 0 for at_s in clock.overrun_at_s}
+    return ClockSheet(
+        skew_ppm=clock.skew_ppm,
+        jitter_s=clock.jitter_ms / 1e3,
+        start_up_ticks=whole_ticks(clock.start_up_ms, tick_ms) or 0,
+        start_up_jitter_ticks=whole_ticks(clock.start_up_jitter_ms, tick_ms) or 0,
+        overrun_ticks=tuple(sorted(overruns)),
+    )
+
+
+def sensor_sheet(sensors: SensorTable) -> SensorSheet:
+    """Sensors in SI units."""
+    return SensorSheet(
+        encoder_step_rad=2.0 * pi / 2**sensors.encoder_bits if sensors.encoder_bits else 0.0,
+        encoder_offset_rad=radians(sensors.encoder_offset_deg),
+        differentiates=sensors.joint_rate == "encoder",
+        joint_rate_filter_s=sensors.joint_rate_filter_ms / 1e3,
+        joint_rate_noise_rad_s_per_sqrt_hz=radians(sensors.joint_rate_noise_deg_s_per_sqrt_hz),
+        imu_noise_rad_per_sqrt_hz=radians(sensors.imu_noise_deg_per_sqrt_hz),
+        imu_rate_noise_rad_s_per_sqrt_hz=radians(sensors.imu_rate_noise_deg_s_per_sqrt_hz),
+        imu_bias_rad=radians(sensors.imu_bias_deg),
+        imu_rate_bias_rad_s=radians(sensors.imu_rate_bias_deg_s),
+    )
+
+
+def motor_sheet(actuator: ActuatorTable) -> MotorSheet:
+    """A motor in SI units."""
+    return MotorSheet(
+        torque_rate_nm_s=actuator.torque_rate_nm_s,
+        torque_step_nm=actuator.torque_step_nm,
+        lag_s=actuator.lag_ms / 1e3,
+        hold_ticks=actuator.hold_ticks,
+    )
+
+
+def passive_element(passive: PassiveTable) -> PassiveElement:
+    """Spring and damper in SI units."""
+    return PassiveElement(
+        rest_rad=radians(passive.rest_deg),
+        stiffness_nm_rad=passive.stiffness_nm_rad,
+        damping_nm_s_rad=passive.damping_nm_s_rad,
+    )
+
+
+def foot_sheet(foot: FootTable | None) -> FootSheet | None:
+    """The sole of a board that stands on the ground."""
+    return None if foot is None else FootSheet(foot.ahead_m, foot.behind_m)
 
 
 def sensor_names(board: BoardHardware) -> tuple[str, ...]:

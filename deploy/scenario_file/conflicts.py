@@ -13,7 +13,14 @@ from pydantic import TypeAdapter, ValidationError
 from deploy.scenario_file.board_tables import hardware_misfits, realtime_clock_misfits, sensor_names
 from deploy.scenario_file.event_tables import AnyEvent, Body, StandingLink, commands, standing_links
 from deploy.scenario_file.realtime_tables import Rounds, realtime_misfits
-from deploy.scenario_file.tables import PORT_MAX, BoardTable, Election, RigTable, Run, Table
+from deploy.scenario_file.tables import (
+    PORT_MAX,
+    BoardTable,
+    ElectionTable,
+    RigTable,
+    RunTable,
+    Table,
+)
 from deploy.scenario_file.ticks import MeaningError, whole_ticks
 
 RESERVED = frozenset({"plant"})
@@ -23,8 +30,8 @@ AnyTable = TypeVar("AnyTable", bound=Table)
 
 def misfits(tree: dict[str, Any]) -> Iterator[str]:
     """What is wrong between values that are fine by themselves, each as `path: reason`."""
-    run = _if_valid(Run, tree.get("run", {}))
-    election = _if_valid(Election, tree.get("election", {}))
+    run = _if_valid(RunTable, tree.get("run", {}))
+    election = _if_valid(ElectionTable, tree.get("election", {}))
     entries = tree.get("board")
     boards = [_if_valid(BoardTable, entry) for entry in entries] if _is_list(entries) else []
     rig = _if_valid(RigTable, tree.get("rig", {}))
@@ -50,13 +57,16 @@ def misfits(tree: dict[str, Any]) -> Iterator[str]:
     yield from _joint_misfits(entries if _is_list(entries) else [])
     if run is not None and all(board is not None for board in boards):
         yield from _event_misfits(tree, run, [board for board in boards if board is not None])
-    yield from _posture_misfits([board for board in boards if board is not None], run or Run())
+    yield from _posture_misfits([board for board in boards if board is not None], run or RunTable())
     if boards and boards[-1] is not None and not boards[-1].imu:
         yield f"board.{len(boards) - 1}.imu: the top board must carry an IMU"
 
 
 def _realtime_misfits(
-    table: object, run: Run, election: Election | None, boards: list[tuple[int, BoardTable]]
+    table: object,
+    run: RunTable,
+    election: ElectionTable | None,
+    boards: list[tuple[int, BoardTable]],
 ) -> Iterator[str]:
     rounds = None
     if election is not None and election.enabled:
@@ -70,7 +80,7 @@ def _realtime_misfits(
 _EVENT: TypeAdapter[AnyEvent] = TypeAdapter(AnyEvent)
 
 
-def _posture_misfits(boards: list[BoardTable], run: Run) -> Iterator[str]:
+def _posture_misfits(boards: list[BoardTable], run: RunTable) -> Iterator[str]:
     """A body that has fallen before it begins; the plant's own bound is the same (S21)."""
     upright_kg_m = height_kg_m = 0.0
     above_kg = sum(board.link.mass_kg for board in boards)
@@ -86,7 +96,7 @@ def _posture_misfits(boards: list[BoardTable], run: Run) -> Iterator[str]:
         )
 
 
-def _event_misfits(tree: dict[str, Any], run: Run, boards: list[BoardTable]) -> Iterator[str]:
+def _event_misfits(tree: dict[str, Any], run: RunTable, boards: list[BoardTable]) -> Iterator[str]:
     """Names and times that mean nothing for this body."""
     body = body_of(run, boards)
     links, events = tree.get("link", []), tree.get("event", [])
@@ -104,7 +114,7 @@ def _event_misfits(tree: dict[str, Any], run: Run, boards: list[BoardTable]) -> 
                 yield f"event.{i}.{error}"
 
 
-def body_of(run: Run, boards: list[BoardTable]) -> Body:
+def body_of(run: RunTable, boards: list[BoardTable]) -> Body:
     """What names and times in events stand for."""
     return Body(
         joints=[board.joint for board in boards],
@@ -127,7 +137,7 @@ def _joint_misfits(entries: list[Any]) -> Iterator[str]:
             yield f"board.{i}.joint: {joint!r} is already board.{taken[joint]}"
 
 
-def _run_misfits(run: Run, election: Election | None) -> Iterator[str]:
+def _run_misfits(run: RunTable, election: ElectionTable | None) -> Iterator[str]:
     if whole_ticks(run.duration_s * 1e3, run.tick_ms) is None:
         yield _not_whole("run.duration_s", f"{run.duration_s:g} s", run.tick_ms)
     if election is None:
@@ -142,7 +152,7 @@ def _run_misfits(run: Run, election: Election | None) -> Iterator[str]:
         )
 
 
-def _delay_misfits(i: int, board: BoardTable, run: Run, *, hops_up: int) -> Iterator[str]:
+def _delay_misfits(i: int, board: BoardTable, run: RunTable, *, hops_up: int) -> Iterator[str]:
     path, delay_ms = f"board.{i}.lumped_delay_ms", board.lumped_delay_ms
     delay_ticks = whole_ticks(delay_ms, run.tick_ms)
     if delay_ticks is None:

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from deploy.scenario_file.sensor_faults import FaultAmounts, fault_amount
 from deploy.scenario_file.ticks import MeaningError, whole
 from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT, Command
+from protocol.robot.scenario import LinkFaults
 from protocol.robot.sensors import ALL, Faultable, FaultKind
 
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -216,16 +217,18 @@ def standing_links(table: StandingLink, body: Body) -> list[list[Any]]:
     return [[*pair, changes(table, body)] for pair in pairs]
 
 
-def merged_links(tables: Sequence[StandingLink], body: Body) -> list[list[Any]]:
+def merged_links(tables: Sequence[StandingLink], body: Body) -> list[LinkFaults]:
     """Resolve all `[[link]]` tables: one entry for each directed link, later tables on top."""
     found: dict[tuple[int, int], dict[str, float]] = {}
     for table in tables:
         for sender, receiver, new in standing_links(table, body):
             found.setdefault((sender, receiver), {}).update(new)
-    return [[*pair, new] for pair, new in sorted(found.items())]
+    return [LinkFaults(*pair, new) for pair, new in sorted(found.items())]
 
 
-def commands(event: "AnyEvent", standing: list[list[Any]], body: Body) -> list[tuple[int, Command]]:
+def commands(
+    event: "AnyEvent", standing: Sequence[LinkFaults], body: Body
+) -> list[tuple[int, Command]]:
     """Resolve an `[[event]]` table to commands with their ticks. Raises `MeaningError`."""
     tick = whole(event.at_s * 1e3, body.tick_ms, "at_s")
     if tick >= body.ticks:
@@ -251,7 +254,7 @@ def commands(event: "AnyEvent", standing: list[list[Any]], body: Body) -> list[t
 
 
 def _for_a_while(
-    event: Cut | Faults, tick: int, standing: list[list[Any]], body: Body
+    event: Cut | Faults, tick: int, standing: Sequence[LinkFaults], body: Body
 ) -> list[tuple[int, Command]]:
     """Change links, and change them back to how the scenario has them for good."""
     pairs = directed_pairs(event.link, body.joints, one_way=event.one_way)
@@ -264,9 +267,9 @@ def _for_a_while(
     size = len(body.joints)
     for pair in pairs or [[a, b] for a in range(size) for b in (a - 1, a + 1) if 0 <= b < size]:
         old = {name: getattr(PERFECT, name) for name in new}
-        for sender, receiver, stands in standing:
-            if [sender, receiver] == pair:
-                old.update({name: stands[name] for name in new if name in stands})
+        for link in standing:
+            if [link.sender, link.receiver] == pair:
+                old |= {name: link.changes[name] for name in new if name in link.changes}
         back.setdefault(json.dumps(old, sort_keys=True), []).append(pair)
     return [*found, *((end, ["link", pairs, json.loads(old)]) for old, pairs in back.items())]
 

@@ -15,14 +15,39 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from deploy.scenario_file import controllers
-from deploy.scenario_file.board_tables import resolved_hardware
+from deploy.scenario_file.board_tables import (
+    clock_sheet,
+    foot_sheet,
+    motor_sheet,
+    passive_element,
+    sensor_sheet,
+)
 from deploy.scenario_file.conflicts import body_of, misfits
 from deploy.scenario_file.event_tables import LINK_PATTERN, commands, merged_links
 from deploy.scenario_file.realtime_tables import resolve_realtime
-from deploy.scenario_file.tables import NAME_PATTERN, BoardTable, Scenario
+from deploy.scenario_file.tables import (
+    NAME_PATTERN,
+    BoardTable,
+    LinkTable,
+    RunTable,
+    ScenarioTable,
+    ServoTable,
+)
 from deploy.scenario_file.ticks import whole_ticks
 from module_agent.firmware.config import Source
-from protocol.robot.scenario import ResolvedScenario, ScenarioError, resolved
+from protocol.robot.hardware import Link, ServoGains, Unattended
+from protocol.robot.scenario import (
+    BoardSettings,
+    Controls,
+    ElectionSettings,
+    OutsideClass,
+    RealtimeSettings,
+    RigSettings,
+    RunSettings,
+    Scenario,
+    ScenarioError,
+    ScenarioEvent,
+)
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 EXTENDS_MAX = 8
@@ -33,7 +58,7 @@ def available() -> list[str]:
     return sorted(path.stem for path in SCENARIOS.glob("*.toml"))
 
 
-def load(source: str, overrides: list[str] | None = None) -> ResolvedScenario:
+def load(source: str, overrides: list[str] | None = None) -> Scenario:
     """Read a scenario by name or path, apply `key=value` overrides, check and resolve it.
 
     Raises `ScenarioError` with every complaint, one a line.
@@ -45,14 +70,14 @@ def load(source: str, overrides: list[str] | None = None) -> ResolvedScenario:
     named = controllers.find(tree, folders)
     scenario = None
     try:
-        scenario = Scenario.model_validate(tree)
+        scenario = ScenarioTable.model_validate(tree)
     except ValidationError as error:
         complaints += (f"{path}: {line}" for line in _complaints(error))
     complaints += (f"{path}: {line}" for line in (*misfits(tree), *named.complaints))
     if complaints:
         raise ScenarioError("\n".join(complaints))
     assert scenario is not None
-    return resolved(_resolve(path.stem, scenario, named.sources))
+    return _resolve(path.stem, scenario, named.sources)
 
 
 def _read(path: Path, folders: list[Path]) -> dict[str, Any]:
@@ -139,7 +164,7 @@ def _complaints(error: ValidationError) -> Iterator[str]:
 
 def _keys_at(path: Sequence[str | int]) -> list[str]:
     """Keys of the table that a path leads to, such as `board.0.servo` or `event.0.cut`."""
-    tables: list[type[BaseModel]] = [Scenario]
+    tables: list[type[BaseModel]] = [ScenarioTable]
     for key in path:
         fields = [table.model_fields[str(key)] for table in tables if key in table.model_fields]
         if fields:
@@ -165,45 +190,69 @@ def _hint(name: str, known: list[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(known)}"
 
 
-def _resolve(name: str, scenario: Scenario, sources: dict[str, Source]) -> dict[str, Any]:
+def _resolve(name: str, table: ScenarioTable, sources: dict[str, Source]) -> Scenario:
     """Fill everything in, in SI units and ticks."""
-    run, election = scenario.run, scenario.election
-    body = body_of(run, scenario.board)
-    standing = merged_links(scenario.link, body)
-    events = [entry for event in scenario.event for entry in commands(event, standing, body)]
-    tick_s = run.tick_ms / 1e3
-    values: dict[str, Any] = {
-        "name": name,
-        "description": scenario.description,
-        "run": {
-            "seed": run.seed,
-            "ticks": whole_ticks(run.duration_s * 1e3, run.tick_ms),
-            "tick_s": tick_s,
-            "substeps": run.substeps,
-            "fallen_below": run.fallen_below,
-        },
-        "rig": {**scenario.rig.model_dump(), "sources": _files(sources)},
-        "election": {
-            "enabled": election.enabled,
-            "period_ticks": whole_ticks(election.period_s * 1e3, run.tick_ms),
-            "rounds": election.rounds,
-            "disabled_holds": election.disabled_holds,
-            "incomplete": election.incomplete,
-            "rule": _class(election.rule, sources),
-        },
-        "link": standing,
-        "event": sorted(map(list, events), key=lambda entry: entry[0]),
-        "board": [_resolve_board(board, scenario, sources) for board in scenario.board],
-        "link_names": [board.link.name for board in scenario.board],
-    }
-    if run.pace is not None:
-        values["run"]["pace"] = run.pace
-    if run.mode == "realtime":
-        rates_hz = [board.rate_hz for board in scenario.board]
-        values["realtime"], periods = resolve_realtime(scenario.realtime, rates_hz, run.tick_ms)
-        for board, ticks in zip(values["board"], periods, strict=True):
-            board["ticks_per_period"] = ticks
-    return values
+    body = body_of(table.run, table.board)
+    link_faults = merged_links(table.link, body)
+    events = [entry for event in table.event for entry in commands(event, link_faults, body)]
+    realtime, periods = _realtime(table)
+    return Scenario(
+        name=name,
+        description=table.description,
+        run=_run(table.run),
+        rig=RigSettings(
+            name=table.rig.name,
+            host=table.rig.host,
+            base_port=table.rig.base_port,
+            sources=_files(sources),
+        ),
+        election=_election(table, sources),
+        link_faults=tuple(link_faults),
+        events=tuple(ScenarioEvent(*entry) for entry in sorted(events, key=lambda one: one[0])),
+        boards=tuple(
+            _board(board, table, period, sources)
+            for board, period in zip(table.board, periods, strict=True)
+        ),
+        link_names=tuple(board.link.name for board in table.board),
+        realtime=realtime,
+    )
+
+
+def _run(run: RunTable) -> RunSettings:
+    return RunSettings(
+        seed=run.seed,
+        ticks=_ticks(run.duration_s * 1e3, run),
+        tick_s=run.tick_ms / 1e3,
+        substeps=run.substeps,
+        fallen_below=run.fallen_below,
+        pace=run.pace,
+    )
+
+
+def _election(table: ScenarioTable, sources: dict[str, Source]) -> ElectionSettings:
+    election = table.election
+    return ElectionSettings(
+        enabled=election.enabled,
+        period_ticks=_ticks(election.period_s * 1e3, table.run),
+        rounds=election.rounds,
+        disabled_holds=election.disabled_holds,
+        incomplete=election.incomplete,
+        rule=_outside(election.rule, sources),
+    )
+
+
+def _realtime(table: ScenarioTable) -> tuple[RealtimeSettings | None, Sequence[int | None]]:
+    """What holds for all boards, and the period of each in ticks; None in lockstep."""
+    if table.run.mode == "lockstep":
+        return None, [None] * len(table.board)
+    rates_hz = [board.rate_hz for board in table.board]
+    return resolve_realtime(table.realtime, rates_hz, table.run.tick_ms)
+
+
+def _ticks(time_ms: float, run: RunTable) -> int:
+    ticks = whole_ticks(time_ms, run.tick_ms)
+    assert ticks is not None, "times that are no whole number of ticks have been refused"
+    return ticks
 
 
 def _files(sources: dict[str, Source]) -> dict[str, str]:
@@ -211,43 +260,61 @@ def _files(sources: dict[str, Source]) -> dict[str, str]:
     return {reference.partition(":")[0]: source.path for reference, source in sources.items()}
 
 
-def _class(reference: str | None, sources: dict[str, Source]) -> dict[str, str] | None:
+def _outside(reference: str | None, sources: dict[str, Source]) -> OutsideClass | None:
     """A class from outside, and what was in its file."""
     if reference is None:
         return None
-    return {"class": reference, "sha256": sources[reference].sha256}
+    return OutsideClass(reference=reference, sha256=sources[reference].sha256)
 
 
-def _resolve_board(
-    board: BoardTable, scenario: Scenario, sources: dict[str, Source]
-) -> dict[str, Any]:
-    servo, link = board.servo, board.link
-    slender = link.mass_kg * link.length_m**2 / 12.0
-    return {
-        "joint": board.joint,
-        "controls": board.controls,
-        "reference_rad": math.radians(board.reference_deg),
-        "initial_rad": math.radians(board.initial_deg),
-        "lumped_delay_ticks": whole_ticks(board.lumped_delay_ms, scenario.run.tick_ms),
-        "imu": board.imu,
-        "force_plate": board.force_plate,
-        "controller": _class(
-            controllers.reference_for(board.joint, board.controller, scenario.controller), sources
+def _board(
+    board: BoardTable,
+    table: ScenarioTable,
+    ticks_per_period: int | None,
+    sources: dict[str, Source],
+) -> BoardSettings:
+    unattended = board.unattended or table.unattended
+    controller = controllers.reference_for(board.joint, board.controller, table.controller)
+    return BoardSettings(
+        joint=board.joint,
+        controls=Controls(board.controls),
+        reference_rad=math.radians(board.reference_deg),
+        initial_rad=math.radians(board.initial_deg),
+        lumped_delay_ticks=_ticks(board.lumped_delay_ms, table.run),
+        imu=board.imu,
+        force_plate=board.force_plate,
+        controller=_outside(controller, sources),
+        servo=_gains(board.servo),
+        unattended=Unattended(
+            unattended.how, unattended.stiffness_nm_rad, unattended.damping_nm_s_rad
         ),
-        "servo": {
-            "kp_nm_rad": servo.kp_nm_rad,
-            "kd_nm_s_rad": servo.kd_nm_s_rad,
-            "ki_nm_rad_s": servo.ki_per_s * servo.kp_nm_rad,
-            "g_servo": servo.g_servo,
-            "gravity_weight": servo.gravity_weight,
-            "torque_limit_nm": servo.torque_limit_nm,
-        },
-        "unattended": (board.unattended or scenario.unattended).model_dump(),
-        "link": {
-            "mass_kg": link.mass_kg,
-            "length_m": link.length_m,
-            "com_m": link.com_m,
-            "inertia_kg_m2": slender if link.inertia_kg_m2 is None else link.inertia_kg_m2,
-        },
-        **resolved_hardware(board, scenario.run.tick_ms),
-    }
+        link=_link(board.link),
+        clock=clock_sheet(board.clock, table.run.tick_ms),
+        sensors=sensor_sheet(board.sensors),
+        actuator=motor_sheet(board.actuator),
+        passive=passive_element(board.passive),
+        foot=foot_sheet(board.foot),
+        ticks_per_period=ticks_per_period,
+    )
+
+
+def _gains(servo: ServoTable) -> ServoGains:
+    return ServoGains(
+        kp_nm_rad=servo.kp_nm_rad,
+        kd_nm_s_rad=servo.kd_nm_s_rad,
+        ki_nm_rad_s=servo.ki_per_s * servo.kp_nm_rad,
+        g_servo=servo.g_servo,
+        gravity_weight=servo.gravity_weight,
+        torque_limit_nm=servo.torque_limit_nm,
+    )
+
+
+def _link(link: LinkTable) -> Link:
+    """Where no inertia is given, that of a slender rod."""
+    slender = link.mass_kg * link.length_m**2 / 12.0
+    return Link(
+        mass_kg=link.mass_kg,
+        length_m=link.length_m,
+        com_m=link.com_m,
+        inertia_kg_m2=slender if link.inertia_kg_m2 is None else link.inertia_kg_m2,
+    )

@@ -1,11 +1,12 @@
 """Realtime mode in a scenario: what a file may say, what does not fit, and what it becomes."""
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from deploy.scenario_file.ticks import whole_ticks
+from protocol.robot.scenario import RealtimeSettings
 
 SETTLE_MS = 500.0
 """How long boards have, besides their delay line, to learn the plant's clock before the release."""
@@ -83,14 +84,14 @@ def realtime_misfits(
 
 def resolve_realtime(
     realtime: RealtimeTable, rates_hz: Sequence[float | None], tick_ms: float
-) -> tuple[dict[str, Any], list[int]]:
-    """The resolved table, and the plant ticks in a period of each board."""
+) -> tuple[RealtimeSettings, list[int]]:
+    """What boards have in common, and the plant ticks in a period of each."""
     periods = [whole_ticks(1e3 / (rate or realtime.rate_hz), tick_ms) or 1 for rate in rates_hz]
-    table = {
-        "ticks_per_round": PERIODS_PER_ROUND * max(periods),
-        "settle_ticks": round(SETTLE_MS / tick_ms),
-        "ahead_ticks_max": round(AHEAD_MS / tick_ms),
-        "age_ticks_max": int(realtime.age_max_ms / tick_ms),
-        "missed": realtime.missed,
-    }
-    return table, periods
+    settings = RealtimeSettings(
+        ticks_per_round=PERIODS_PER_ROUND * max(periods),
+        settle_ticks=round(SETTLE_MS / tick_ms),
+        ahead_ticks_max=round(AHEAD_MS / tick_ms),
+        age_ticks_max=int(realtime.age_max_ms / tick_ms),
+        missed=realtime.missed,
+    )
+    return settings, periods

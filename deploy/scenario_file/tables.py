@@ -41,7 +41,7 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class Run(Table):
+class RunTable(Table):
     """How long, in which steps, and what counts as a fall."""
 
     duration_s: Duration = 10.0
@@ -71,7 +71,7 @@ class RigTable(Table):
     """Of the plant; board n, counted from 0, listens on base_port + 1 + n."""
 
 
-class Election(Table):
+class ElectionTable(Table):
     """Who may move: elected every T_e, or everybody always (the original DEC)."""
 
     enabled: bool = True
@@ -160,16 +160,16 @@ class BoardTable(Table, BoardHardware):
     """What this joint does without a board. None: `[unattended]` of the scenario."""
 
 
-class Scenario(Table):
+class ScenarioTable(Table):
     """Keys above all tables."""
 
     extends: str = ""
     """A scenario, by name or path, to start from; tables are merged, lists replaced."""
     description: str = ""
     """One line for `decmesh scenarios`."""
-    run: Run = Run()
+    run: RunTable = RunTable()
     rig: RigTable = RigTable()
-    election: Election = Election()
+    election: ElectionTable = ElectionTable()
     realtime: RealtimeTable = RealtimeTable()
     unattended: UnattendedTable = UnattendedTable()
     """For boards that have no such table of their own."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from module_agent.custom.sandbox import FaultError, controller_of, rule_of
 from module_agent.firmware.body_view import BodySample, BodyView, Turn
-from module_agent.firmware.config import BoardConfig, Controls, ElectionConfig
+from module_agent.firmware.config import BoardConfig, ElectionConfig
 from module_agent.firmware.controller import Candidate, Seen
 from module_agent.firmware.counts import COUNTS
 from module_agent.firmware.election import Election, Gossip, Heard
@@ -22,8 +22,9 @@ from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.lateness import speech
 from module_agent.firmware.link_model import LinkModel
 from module_agent.firmware.sensing import Sensing
-from protocol.robot.clocks import STEADY
 from protocol.robot.commands import ANY, LINK, LinkParameters, decode_board_command
+from protocol.robot.hardware import STEADY
+from protocol.robot.scenario import Controls
 from protocol.robot.states import Counters, State, entered
 from protocol.wire.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
 

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 from module_agent.firmware.kinematics import (
     NOTHING,
     CarriedShape,
-    Link,
     Supported,
     add_link,
     carried_rigidly,
     shape_of,
 )
+from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, LinkFrame
 

@@ -1,37 +1,14 @@
 """What a board is told at boot: one entry of the resolved scenario, as typed values."""
 
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from module_agent.firmware.kinematics import Link
 from protocol.robot.cadence import Cadence, cadence_of
-from protocol.robot.clocks import STEADY, ClockSheet, clock_sheet
-from protocol.robot.commands import PERFECT, LinkParameters, changed
+from protocol.robot.commands import LinkParameters
+from protocol.robot.hardware import STEADY, ClockSheet, Link, ServoGains
+from protocol.robot.scenario import Controls, OutsideClass, Scenario
 from protocol.robot.sensors import EXACT, SensorSheet
 from protocol.wire.wiring import neighbours
-
-
-class Controls(StrEnum):
-    """The controlled variable alpha of a module (paper, section III-B)."""
-
-    BODY_SWAY = "body-sway"
-    """Sway of the centre of mass of all above the joint (the ankle's BS)."""
-    JOINT_ANGLE = "joint-angle"
-    """Angle of the joint itself (KNEE)."""
-    LINK_ORIENTATION = "link-orientation"
-    """Orientation in space of the link above the joint (the hip's TS)."""
-
-
-class ServoGains(NamedTuple):
-    """Gains of one module: the paper's table I, and what it leaves out (gravity weight, K_i)."""
-
-    kp_nm_rad: float
-    kd_nm_s_rad: float
-    ki_nm_rad_s: float
-    g_servo: float
-    gravity_weight: float
-    torque_limit_nm: float
 
 
 class ElectionConfig(NamedTuple):
@@ -95,59 +72,45 @@ class BoardConfig:
     """How fast the motor's torque can change; None: at once."""
 
 
-def standing(links: list[list[Any]], sender: int, receiver: int) -> LinkParameters:
-    """Parameters that a resolved scenario gives a directed link for good."""
-    for some_sender, some_receiver, values in links:
-        if (some_sender, some_receiver) == (sender, receiver):
-            return changed(PERFECT, values)
-    return PERFECT
-
-
-def board_config(values: dict[str, Any], joint: str) -> BoardConfig:
-    """Read one board from the values of a resolved scenario. Raises KeyError for another joint."""
-    boards: list[dict[str, Any]] = values["board"]
-    index = {board["joint"]: i for i, board in enumerate(boards)}[joint]
-    board, election = boards[index], values["election"]
-    adjacent = neighbours(index, len(boards))
+def board_config(scenario: Scenario, joint: str) -> BoardConfig:
+    """What the board of a joint has to know. Raises ValueError for another joint."""
+    index = scenario.joints.index(joint)
+    own, run, rule = scenario.boards[index], scenario.run, scenario.election
+    adjacent = neighbours(index, len(scenario.boards))
     return BoardConfig(
         joint=joint,
         index=index,
-        boards=len(boards),
-        seed=values["run"]["seed"],
-        standing_links=tuple(standing(values["link"], sender, index) for sender in adjacent),
+        boards=len(scenario.boards),
+        seed=run.seed,
+        standing_links=tuple(scenario.standing_link(sender, index) for sender in adjacent),
         neighbours=adjacent,
-        neighbour_joints=tuple(boards[i]["joint"] for i in adjacent),
-        top=index == len(boards) - 1,
-        tick_s=values["run"]["tick_s"],
-        controls=Controls(board["controls"]),
-        reference_rad=board["reference_rad"],
-        holds_orientation=election["disabled_holds"] == "link-orientation",
-        lumped_delay_ticks=board["lumped_delay_ticks"],
-        gains=ServoGains(**board["servo"]),
-        link=Link(**board["link"]),
-        has_imu=board["imu"],
-        has_force_plate=board["force_plate"],
+        neighbour_joints=tuple(scenario.joints[i] for i in adjacent),
+        top=index == len(scenario.boards) - 1,
+        tick_s=run.tick_s,
+        controls=own.controls,
+        reference_rad=own.reference_rad,
+        holds_orientation=rule.disabled_holds == "link-orientation",
+        lumped_delay_ticks=own.lumped_delay_ticks,
+        gains=own.servo,
+        link=own.link,
+        has_imu=own.imu,
+        has_force_plate=own.force_plate,
         election=(
-            ElectionConfig(
-                period_ticks=election["period_ticks"],
-                rounds=election["rounds"],
-                keeps_last=election["incomplete"] == "keep-last",
-            )
-            if election["enabled"]
+            ElectionConfig(rule.period_ticks, rule.rounds, rule.incomplete == "keep-last")
+            if rule.enabled
             else None
         ),
-        controller=_source(values, board["controller"]),
-        rule=_source(values, election["rule"]),
-        cadence=cadence_of(values),
-        clock=clock_sheet(board["clock"]),
-        sensor_sheet=SensorSheet(**board["sensors"]),
-        torque_rate_nm_s=board["actuator"]["torque_rate_nm_s"],
+        controller=_source(scenario, own.controller),
+        rule=_source(scenario, rule.rule),
+        cadence=cadence_of(scenario),
+        clock=own.clock,
+        sensor_sheet=own.sensors,
+        torque_rate_nm_s=own.actuator.torque_rate_nm_s,
     )
 
 
-def _source(values: dict[str, Any], named: dict[str, str] | None) -> Source | None:
+def _source(scenario: Scenario, named: OutsideClass | None) -> Source | None:
     """Join what class is meant, and with which bytes, with where its file is on this machine."""
     if named is None:
         return None
-    module = named["class"].partition(":")[0]
-    return Source(named["class"], values["rig"]["sources"][module], named["sha256"])
+    return Source(named.reference, scenario.rig.sources[named.module], named.sha256)

@@ -10,7 +10,7 @@ No clock: whoever drives this says what time it is.
 
 from module_agent.firmware.config import BoardConfig
 from protocol.process.exit_codes import refused
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.wire.enrolment import (
     EnrolmentReply,
     EnrolmentRequest,
@@ -42,7 +42,7 @@ class UnansweredError(Exception):
 class Enrolling:
     """One board's requests to be let in."""
 
-    def __init__(self, config: BoardConfig, scenario: ResolvedScenario, *, rig: str) -> None:
+    def __init__(self, config: BoardConfig, scenario: Scenario, *, rig: str) -> None:
         self.config = config
         self.scenario = scenario
         self.rig = rig
@@ -61,6 +61,7 @@ class Enrolling:
             self._unanswered_since_s = None
             self._patience_s = min(2.0 * self._patience_s, UNANSWERED_S_MAX)
             raise UnansweredError
+        link = self.config.link
         request = EnrolmentRequest(
             version=VERSION,
             rig=self.rig,
@@ -70,7 +71,10 @@ class Enrolling:
             boot=boot,
             links_up=sum(up << n for n, up in enumerate(links_up)),
             former_run=self.former_run,
-            **self.config.link._asdict(),
+            mass_kg=link.mass_kg,
+            length_m=link.length_m,
+            com_m=link.com_m,
+            inertia_kg_m2=link.inertia_kg_m2,
         )
         return encode_enrolment(request)
 

@@ -10,16 +10,7 @@ Sagittal plane; x forward, y up, in metres; orientations from the vertical, forw
 from math import atan2, cos, sin
 from typing import NamedTuple
 
-
-class Link(NamedTuple):
-    """Anthropometrics of the link above a board's joint."""
-
-    mass_kg: float
-    length_m: float
-    com_m: float
-    """From the joint to the link's centre of mass."""
-    inertia_kg_m2: float
-    """About the link's centre of mass."""
+from protocol.robot.hardware import Link
 
 
 class Supported(NamedTuple):

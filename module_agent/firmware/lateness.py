@@ -16,7 +16,8 @@ from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.election import Gossip
 from module_agent.firmware.frame_writer import Doing, Speech
 from module_agent.firmware.hearing import Hearing
-from protocol.robot.clocks import STEADY, Clock
+from protocol.robot.clocks import Clock
+from protocol.robot.hardware import STEADY
 from protocol.robot.states import State
 
 Seen = tuple[int, tuple[float, ...]]

@@ -26,7 +26,8 @@ from protocol.process.stopping import (
     stop_at_end_of_input,
     stop_on_signals,
 )
-from protocol.robot.scenario import canonical, run_id
+from protocol.robot.canonical_json import canonical_json
+from protocol.robot.scenario import run_id
 from protocol.wire import keys
 from protocol.wire.wiring import Rig, elector_session, set_runtime_threads
 
@@ -140,7 +141,7 @@ class Runtime:
 def _run_id(config: ElectorConfig, epochs: int) -> int:
     """Name the run after all that its boards must have in common; others refuse its frames."""
     common = {**asdict(config), "index": 0, "neighbours": [], "epochs": epochs}
-    return run_id(hashlib.sha256(canonical(common)).digest())
+    return run_id(hashlib.sha256(canonical_json(common)).digest())
 
 
 def _config(arguments: argparse.Namespace) -> ElectorConfig:

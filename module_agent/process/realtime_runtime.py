@@ -27,7 +27,7 @@ from module_agent.process.network import Post, publisher
 from module_agent.process.runtime import ASK_EVERY_S, Runtime
 from module_agent.process.watchdog import Watchdog
 from protocol.process.exit_codes import ExitCode
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.robot.states import State, entered
 from protocol.wire import keys
 from protocol.wire.enrolment import EnrolmentReply
@@ -97,7 +97,7 @@ class RealtimeRuntime(Runtime):
         self,
         post: Post,
         config: BoardConfig,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         rig: Rig,
         *,
         trouble: str | None = None,

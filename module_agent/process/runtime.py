@@ -21,7 +21,7 @@ from module_agent.process.network import END, MATCHING, REPLY, Event, Post
 from module_agent.process.watchdog import Watchdog
 from protocol.process.exit_codes import ExitCode
 from protocol.process.machine import clock_id, effort
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.robot.states import State, entered
 from protocol.wire.enrolment import EnrolmentReply
 from protocol.wire.frames import End, Observation, ProtocolError, Stalled, decode, encode
@@ -50,7 +50,7 @@ class Runtime:
         self,
         post: Post,
         config: BoardConfig,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         rig: Rig,
         *,
         trouble: str | None = None,

@@ -15,28 +15,28 @@ from module_agent.process.realtime_runtime import RealtimePost, RealtimeRuntime
 from module_agent.process.runtime import Runtime
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import ignore_signals, restarted_when_stuck
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.wire.wiring import Rig, board_session, network_trouble, rig_of, set_runtime_threads
 
 
-def serve(joint: str, scenario: ResolvedScenario) -> int:
+def serve(joint: str, scenario: Scenario) -> int:
     """Run the board of a joint over Zenoh until its part is over; return the exit code.
 
     Raises `stopping.StoppedError` when it is told to stop, and `ScenarioError` when a
     controller's file is not the one that the scenario means.
     """
-    config = board_config(scenario.values, joint)
+    config = board_config(scenario, joint)
     foreign.check(config)
     set_runtime_threads()
     try:
-        _live(config, scenario, rig_of(scenario.values))
+        _live(config, scenario, rig_of(scenario))
     except FinishedError as finished:
         if finished.code != ExitCode.OK:
             print(f"{joint}: {finished}", file=sys.stderr)
         return finished.code
 
 
-def _live(config: BoardConfig, scenario: ResolvedScenario, rig: Rig) -> NoReturn:
+def _live(config: BoardConfig, scenario: Scenario, rig: Rig) -> NoReturn:
     """Play the board's part, in one session after another if the plant does not answer."""
     boot = int.from_bytes(os.urandom(8), "little") >> 1
     runtime: Runtime | None = None

@@ -26,9 +26,10 @@ from itertools import accumulate, groupby
 from math import cos, sin
 from operator import itemgetter
 
-from plant_server.body.chain import GRAVITY_M_S2, Chain, LinkInertia
+from plant_server.body.chain import GRAVITY_M_S2, Chain
 from plant_server.body.clusters import GROUND, clusters, differences
 from plant_server.body.unrolled import LINKS_MAX
+from protocol.robot.hardware import Link
 
 Piece = tuple[float, float, float, float, float, float, float, float]
 """m, s_x, s_y, e_x, e_y, J_0, w^2, t: kg, kg m, m, kg m^2, rad^2/s^2, N m. A plain tuple, because
@@ -41,7 +42,7 @@ class LongChain(Chain):
     `Chain` is faster for up to `LINKS_MAX` links, and the one to read first.
     """
 
-    def __init__(self, links: Sequence[LinkInertia], gravity_m_s2: float = GRAVITY_M_S2) -> None:
+    def __init__(self, links: Sequence[Link], gravity_m_s2: float = GRAVITY_M_S2) -> None:
         super().__init__(links, gravity_m_s2)
         self._constants = [
             (
@@ -135,7 +136,7 @@ class LongChain(Chain):
         return pieces
 
 
-def chain_of(links: Sequence[LinkInertia]) -> Chain:
+def chain_of(links: Sequence[Link]) -> Chain:
     """The equations of motion that are the faster ones for so many links."""
     return LongChain(links) if len(links) > LINKS_MAX else Chain(links)
 

@@ -19,27 +19,18 @@ from collections.abc import Sequence
 from functools import cached_property
 from itertools import accumulate
 from math import cos, sin
-from typing import NamedTuple
 
 from plant_server.body.clusters import clusters, differences, product, solve, solve_held
 from plant_server.body.unrolled import LINKS_MAX, accelerations, runge_kutta
+from protocol.robot.hardware import Link
 
 GRAVITY_M_S2 = 9.81
-
-
-class LinkInertia(NamedTuple):
-    """One link of the real body."""
-
-    mass_kg: float
-    length_m: float
-    com_m: float
-    inertia_kg_m2: float
 
 
 class Chain:
     """Equations of motion of a chain; holds parameters, no state."""
 
-    def __init__(self, links: Sequence[LinkInertia], gravity_m_s2: float = GRAVITY_M_S2) -> None:
+    def __init__(self, links: Sequence[Link], gravity_m_s2: float = GRAVITY_M_S2) -> None:
         self.links = tuple(links)
         self.size = len(self.links)
         self.gravity_m_s2 = gravity_m_s2

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from math import copysign, exp, fabs, floor, isfinite
 
 from plant_server.body.body import Body
-from plant_server.hardware.data_sheets import IDEAL, MotorSheet
 from plant_server.hardware.foot import Foot
 from plant_server.session.config import PlantConfig
+from protocol.robot.hardware import IDEAL, MotorSheet
 
 SAFE_TORQUE_NM = 0.0
 

@@ -12,7 +12,7 @@ when the foot was *tipping*. F is the mean of the tick before, as the force plat
 """
 
 from plant_server.body.body import Body
-from plant_server.hardware.data_sheets import FootSheet
+from protocol.robot.hardware import FootSheet
 
 
 class Foot:

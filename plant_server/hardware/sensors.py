@@ -16,8 +16,9 @@ from plant_server.body.body import Body
 from plant_server.hardware.sensor_faults import SensorFaults
 from plant_server.session.config import PlantConfig
 from protocol.robot.chance import Chance
-from protocol.robot.clocks import STEADY, Clock
+from protocol.robot.clocks import Clock
 from protocol.robot.commands import Command
+from protocol.robot.hardware import STEADY
 from protocol.robot.sensors import (
     EXACT,
     FaultKind,

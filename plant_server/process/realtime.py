@@ -22,7 +22,7 @@ from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.spool.spool import PLANT, SpoolWriter
 from protocol.process.stopping import undisturbed
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.wire import keys
 from protocol.wire.wiring import Rig
 
@@ -40,16 +40,16 @@ class PacedRuntime(Runtime):
     def __init__(
         self,
         post: Post,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         rig: Rig,
         options: Options,
         writer: SpoolWriter | None,
     ) -> None:
         super().__init__(post, scenario, rig, options, writer)
-        run = scenario.values["run"]
-        factor: float = options.pace or run.get("pace", 1.0)
+        run = scenario.run
+        factor = options.pace or run.pace or 1.0
         self.aim = f"pace {factor:g}"
-        self.pace = Pace(tick_s=run["tick_s"], pace=factor)
+        self.pace = Pace(tick_s=run.tick_s, pace=factor)
 
     def _boundary(self) -> None:
         self._await_due()
@@ -79,7 +79,7 @@ class RealtimeRuntime(PacedRuntime):
     def __init__(
         self,
         post: Post,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         rig: Rig,
         options: Options,
         writer: SpoolWriter | None,
@@ -181,14 +181,14 @@ class RealtimeRuntime(PacedRuntime):
 
 def runtime_for(
     post: Post,
-    scenario: ResolvedScenario,
+    scenario: Scenario,
     rig: Rig,
     options: Options,
     writer: SpoolWriter | None,
 ) -> Runtime:
     """The runtime that a scenario and the command line ask for."""
-    if plant_config(scenario.values).cadence is not None:
+    if plant_config(scenario).cadence is not None:
         return RealtimeRuntime(post, scenario, rig, options, writer)
-    if options.pace is not None or "pace" in scenario.values["run"]:
+    if options.pace is not None or scenario.run.pace is not None:
         return PacedRuntime(post, scenario, rig, options, writer)
     return Runtime(post, scenario, rig, options, writer)

@@ -22,7 +22,7 @@ from plant_server.session.watch import ENROLMENT_REQUESTS, Watch
 from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import StoppedError, undisturbed
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 from protocol.wire import keys
 from protocol.wire.enrolment import Verdict, decode_request, encode_enrolment
 from protocol.wire.frames import End, ProtocolError, Stalled, decode, encode, shortened
@@ -44,7 +44,7 @@ class Runtime:
     def __init__(
         self,
         post: Post,
-        scenario: ResolvedScenario,
+        scenario: Scenario,
         rig: Rig,
         options: Options,
         writer: SpoolWriter | None,
@@ -53,7 +53,7 @@ class Runtime:
         self.options = options
         self.joints = scenario.joints
         self.enrolment = Enrolment(rig=rig.name, joints=self.joints, digest=scenario.digest)
-        self.lockstep = self._make_plant(plant_config(scenario.values))
+        self.lockstep = self._make_plant(plant_config(scenario))
         self.recorder = None if writer is None else Recorder(writer, self.enrolment)
         self.post = post
         self._released_s: float | None = None

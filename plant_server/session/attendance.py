@@ -4,8 +4,9 @@ from typing import Any
 
 from plant_server.body.body import Body
 from plant_server.record import Undriven
-from plant_server.session.config import PlantConfig, Unattended
+from plant_server.session.config import PlantConfig
 from plant_server.session.roster import Roster
+from protocol.robot.hardware import Unattended
 from protocol.robot.states import State
 from protocol.wire.frames import TorqueFrame
 

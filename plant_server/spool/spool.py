@@ -18,7 +18,9 @@ import msgpack
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.chunks import ChunkWriter, read_chunks
 from protocol.process.machine import effort
-from protocol.robot.scenario import canonical
+from protocol.robot.canonical_json import canonical_json
+from protocol.robot.scenario import Scenario, ScenarioError, canonical
+from protocol.robot.scenario import decode as decode_scenario
 from protocol.wire.frames import decode
 from protocol.wire.timing import Timing
 
@@ -44,7 +46,7 @@ class SpoolWriter:
     def __init__(
         self,
         path: Path,
-        scenario: dict[str, Any],
+        scenario: Scenario,
         facts: dict[str, Any] | None = None,
         tell: Callable[[str], None] = to_stderr,
     ) -> None:
@@ -73,7 +75,7 @@ class SpoolWriter:
 
     def note(self, facts: dict[str, Any]) -> None:
         """Keep facts about the run; later ones go over earlier ones of the same name."""
-        self._chunks.put(self._pack((_FACTS, canonical(facts))))
+        self._chunks.put(self._pack((_FACTS, canonical_json(facts))))
 
     def keep_timing(self, board: int, payload: bytes) -> None:
         """Keep a `Timing` frame of a board, as it came."""
@@ -112,7 +114,7 @@ class SpoolWriter:
 class Spool(NamedTuple):
     """What was read back."""
 
-    scenario: dict[str, Any]
+    scenario: Scenario
     facts: dict[str, Any]
     """Machine, versions, mode, numeric fingerprint; at the end the plant's own effort."""
     ticks: list[TickRecord]
@@ -133,12 +135,15 @@ class Spool(NamedTuple):
     @property
     def in_realtime(self) -> bool:
         """Whether nobody waited for anybody in this run."""
-        return self.scenario.get("realtime") is not None
+        return self.scenario.realtime is not None
 
 
 def read_spool(path: Path) -> Spool:
-    """Read all complete chunks of a spool. Raises ValueError if not even the first is there."""
-    scenario: dict[str, Any] | None = None
+    """Read all complete chunks of a spool.
+
+    Raises ValueError if not even the first is there, or if its scenario is of another version.
+    """
+    scenario: Scenario | None = None
     facts: dict[str, Any] = {}
     ticks: list[TickRecord] = []
     walls: list[Walls | None] = []
@@ -163,11 +168,19 @@ def read_spool(path: Path) -> Spool:
             board, told = fields
             realtime.append((board, told))
         else:
-            scenario = json.loads(fields[0])
+            scenario = recorded_scenario(fields[0])
     if scenario is None:
         raise ValueError("it holds no complete chunk of a run")
     complete = outcome is not None
     return Spool(scenario, facts, ticks, walls, timings, outcome, complete, tuple(realtime))
+
+
+def recorded_scenario(payload: bytes) -> Scenario:
+    """Read the scenario of a recording. Raises ValueError."""
+    try:
+        return decode_scenario(payload)
+    except ScenarioError as error:
+        raise ValueError(f"its scenario: {error}") from error
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:

@@ -6,7 +6,9 @@ Rule 2: elections are played in rounds of so many plant ticks, the same for ever
         longest period, so that whatever a board says in one round is heard before the next.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from protocol.robot.scenario import Scenario
 
 
 class Cadence(NamedTuple):
@@ -25,16 +27,16 @@ class Cadence(NamedTuple):
     """Whether a board makes up for periods that it has missed, or skips them."""
 
 
-def cadence_of(values: dict[str, Any]) -> Cadence | None:
-    """Read it from a resolved scenario; None in lockstep."""
-    found = values.get("realtime")
-    if found is None:
+def cadence_of(scenario: Scenario) -> Cadence | None:
+    """How a scenario has it; None in lockstep."""
+    realtime = scenario.realtime
+    if realtime is None:
         return None
     return Cadence(
-        ticks_per_period=tuple(board["ticks_per_period"] for board in values["board"]),
-        ticks_per_round=found["ticks_per_round"],
-        settle_ticks=found["settle_ticks"],
-        ahead_ticks_max=found["ahead_ticks_max"],
-        age_ticks_max=found["age_ticks_max"],
-        catches_up=found["missed"] == "catch-up",
+        ticks_per_period=tuple(board.ticks_per_period or 1 for board in scenario.boards),
+        ticks_per_round=realtime.ticks_per_round,
+        settle_ticks=realtime.settle_ticks,
+        ahead_ticks_max=realtime.ahead_ticks_max,
+        age_ticks_max=realtime.age_ticks_max,
+        catches_up=realtime.missed == "catch-up",
     )

@@ -15,32 +15,9 @@ same again and changes nothing.
 """
 
 from math import floor
-from typing import NamedTuple
 
 from protocol.robot.chance import JITTER, PHASE, START_UP, Chance
-
-
-class ClockSheet(NamedTuple):
-    """What is wrong with a board's clock and loop."""
-
-    skew_ppm: float = 0.0
-    """Positive: fast."""
-    jitter_s: float = 0.0
-    """The loop starts up to so much off, all equally likely; shorter than a tick."""
-    start_up_ticks: int = 0
-    start_up_jitter_ticks: int = 0
-    """From plugged in to admitted, and up to so many more, all equally likely."""
-    overrun_ticks: tuple[int, ...] = ()
-    """Ticks that the board's loop does not finish in time."""
-
-
-STEADY = ClockSheet()
-
-
-def clock_sheet(values: dict[str, object]) -> ClockSheet:
-    """Read it from a board of a resolved scenario."""
-    ticks: tuple[int, ...] = tuple(values["overrun_ticks"])  # type: ignore[arg-type]
-    return ClockSheet(**{**values, "overrun_ticks": ticks})  # type: ignore[arg-type]
+from protocol.robot.hardware import ClockSheet
 
 
 class Clock:

@@ -11,7 +11,7 @@ Rule 3: names of sensors and of faults are closed lists. Who acts on one does so
 
 from typing import Annotated, Final, Literal, NamedTuple, assert_never, get_args
 
-from msgspec import Meta
+from msgspec import Meta, Struct
 
 SensorName = Literal["encoder", "gyroscope", "torque", "imu", "foot"]
 ALL: Final = "all"
@@ -120,19 +120,21 @@ FULL_SCALES = tuple(one.full_scale for one in READINGS.values())
 """Of each reading: half a turn, what a gyroscope has for its full scale (2000 degrees a second),
 and torque, force and pressure of some large foot."""
 
+NotNegative = Annotated[float, Meta(ge=0.0)]
 
-class SensorSheet(NamedTuple):
+
+class SensorSheet(Struct, frozen=True, forbid_unknown_fields=True):
     """How good a board's sensors are. All zero: exact."""
 
-    encoder_step_rad: float = 0.0
+    encoder_step_rad: NotNegative = 0.0
     encoder_offset_rad: float = 0.0
     differentiates: bool = False
     """The joint rate is the encoder's difference over a tick; else a gyroscope measures it."""
-    joint_rate_filter_s: float = 0.0
+    joint_rate_filter_s: NotNegative = 0.0
     """Time constant of the low-pass behind the difference."""
-    joint_rate_noise_rad_s_per_sqrt_hz: float = 0.0
-    imu_noise_rad_per_sqrt_hz: float = 0.0
-    imu_rate_noise_rad_s_per_sqrt_hz: float = 0.0
+    joint_rate_noise_rad_s_per_sqrt_hz: NotNegative = 0.0
+    imu_noise_rad_per_sqrt_hz: NotNegative = 0.0
+    imu_rate_noise_rad_s_per_sqrt_hz: NotNegative = 0.0
     imu_bias_rad: float = 0.0
     imu_rate_bias_rad_s: float = 0.0
 

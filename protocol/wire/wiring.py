@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+from protocol.robot.scenario import Scenario
+
 LEASE_LOCKSTEP_MS = 3_600_000
 """A stopped process keeps its place; a killed one shows in milliseconds all the same."""
 LEASE_REALTIME_MS = 400
@@ -42,11 +44,11 @@ class Rig(NamedTuple):
         return f"tcp/{self.host}:{self.base_port + port_offset}"
 
 
-def rig_of(values: dict[str, Any]) -> Rig:
-    """Read the rig from the values of a resolved scenario."""
-    rig = values["rig"]
-    lease_ms = LEASE_LOCKSTEP_MS if values.get("realtime") is None else LEASE_REALTIME_MS
-    return Rig(rig["name"], rig["host"], rig["base_port"], len(values["board"]), lease_ms)
+def rig_of(scenario: Scenario) -> Rig:
+    """Where the robot of a scenario lives."""
+    rig = scenario.rig
+    lease_ms = LEASE_LOCKSTEP_MS if scenario.realtime is None else LEASE_REALTIME_MS
+    return Rig(rig.name, rig.host, rig.base_port, len(scenario.boards), lease_ms)
 
 
 def network_trouble(endpoint: str, detail: str) -> str:

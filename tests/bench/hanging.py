@@ -8,8 +8,16 @@ that every board is electing in every tick, however many there are.
 
 import math
 
-from deploy.scenario_file.board_tables import BoardHardware, resolved_hardware
-from protocol.robot.scenario import ResolvedScenario, resolved
+from protocol.robot.hardware import IDEAL, STEADY, Link, PassiveElement, ServoGains, Unattended
+from protocol.robot.scenario import (
+    BoardSettings,
+    Controls,
+    ElectionSettings,
+    RigSettings,
+    RunSettings,
+    Scenario,
+)
+from protocol.robot.sensors import EXACT
 
 LUMPED_DELAY_TICKS = 10
 LENGTH_M = 0.1
@@ -20,64 +28,57 @@ NEVER_FALLEN = -2.0
 """A hanging body is below any share of its upright height."""
 
 
-def hanging(boards: int, *, ticks: int = 1_000_000, seed: int = 1) -> ResolvedScenario:
+def hanging(boards: int, *, ticks: int = 1_000_000, seed: int = 1) -> Scenario:
     """Resolve the scenario. A file could not say it: to a user, a body that hangs has fallen."""
     hops = boards - 1
-    return resolved(
-        {
-            "name": "hanging",
-            "description": f"A hanging chain of {boards} links with local joint servos.",
-            "run": {
-                "seed": seed,
-                "ticks": ticks,
-                "tick_s": 1e-3,
-                "substeps": 1,
-                "fallen_below": NEVER_FALLEN,
-            },
-            "rig": {"name": "hanging", "host": "127.0.0.1", "base_port": 17_700},
-            "election": {
-                "enabled": True,
-                "period_ticks": max(hops, 1) + 1,
-                "rounds": max(hops, 1),
-                "disabled_holds": "controlled-variable",
-                "incomplete": "each-side",
-                "rule": None,
-            },
-            "link": [],
-            "event": [],
-            "board": [
-                {
-                    "joint": f"joint_{board}",
-                    "controls": "joint-angle",
-                    "controller": None,
-                    "reference_rad": 0.0,
-                    "initial_rad": math.pi + BEND_RAD * math.sin(float(board)),
-                    "lumped_delay_ticks": max(LUMPED_DELAY_TICKS, hops - board),
-                    "imu": board == hops,
-                    "force_plate": board == 0,
-                    "servo": {
-                        "kp_nm_rad": 0.05,
-                        "kd_nm_s_rad": 0.001,
-                        "ki_nm_rad_s": 0.0,
-                        "g_servo": 1.0,
-                        "gravity_weight": 0.0,
-                        "torque_limit_nm": 10.0,
-                    },
-                    "unattended": {
-                        "how": "limp",
-                        "stiffness_nm_rad": 0.0,
-                        "damping_nm_s_rad": 0.0,
-                    },
-                    "link": {
-                        "mass_kg": MASS_KG,
-                        "length_m": LENGTH_M,
-                        "com_m": LENGTH_M / 2.0,
-                        "inertia_kg_m2": MASS_KG * LENGTH_M**2 / 12.0,
-                    },
-                    **resolved_hardware(BoardHardware(), tick_ms=1.0),
-                }
-                for board in range(boards)
-            ],
-            "link_names": [f"link_{board}" for board in range(boards)],
-        }
+    return Scenario(
+        name="hanging",
+        description=f"A hanging chain of {boards} links with local joint servos.",
+        run=RunSettings(seed=seed, ticks=ticks, tick_s=1e-3, substeps=1, fallen_below=NEVER_FALLEN),
+        rig=RigSettings(name="hanging", host="127.0.0.1", base_port=17_700),
+        election=ElectionSettings(
+            enabled=True,
+            period_ticks=max(hops, 1) + 1,
+            rounds=max(hops, 1),
+            disabled_holds="controlled-variable",
+            incomplete="each-side",
+            rule=None,
+        ),
+        link_faults=(),
+        events=(),
+        boards=tuple(_board(board, hops) for board in range(boards)),
+        link_names=tuple(f"link_{board}" for board in range(boards)),
+    )
+
+
+def _board(board: int, hops: int) -> BoardSettings:
+    return BoardSettings(
+        joint=f"joint_{board}",
+        controls=Controls.JOINT_ANGLE,
+        controller=None,
+        reference_rad=0.0,
+        initial_rad=math.pi + BEND_RAD * math.sin(float(board)),
+        lumped_delay_ticks=max(LUMPED_DELAY_TICKS, hops - board),
+        imu=board == hops,
+        force_plate=board == 0,
+        servo=ServoGains(
+            kp_nm_rad=0.05,
+            kd_nm_s_rad=0.001,
+            ki_nm_rad_s=0.0,
+            g_servo=1.0,
+            gravity_weight=0.0,
+            torque_limit_nm=10.0,
+        ),
+        unattended=Unattended("limp", 0.0, 0.0),
+        link=Link(
+            mass_kg=MASS_KG,
+            length_m=LENGTH_M,
+            com_m=LENGTH_M / 2.0,
+            inertia_kg_m2=MASS_KG * LENGTH_M**2 / 12.0,
+        ),
+        clock=STEADY,
+        sensors=EXACT,
+        actuator=IDEAL,
+        passive=PassiveElement(0.0, 0.0, 0.0),
+        foot=None,
     )

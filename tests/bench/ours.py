@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from deploy.launch.rigs import claim
 from deploy.scenario_file.load import load
-from protocol.robot.scenario import ResolvedScenario, canonical
+from protocol.robot.scenario import Scenario, canonical
 from tests.bench.children import Children
 from tests.bench.compiled import compiled_copy
 from tests.bench.job import Place, job_figures
@@ -25,7 +25,7 @@ class Rig(NamedTuple):
     """Where plant and boards are started."""
 
     place: Place
-    scenario: ResolvedScenario
+    scenario: Scenario
     children: Children
     instrumented: bool
     """Whether they measure their ticks; what starting costs is measured without."""
@@ -55,7 +55,7 @@ def as_run(options: dict[str, Any] | None) -> dict[str, Any]:
 
 @contextmanager
 def rig(
-    scenario: ResolvedScenario,
+    scenario: Scenario,
     *,
     warm_up: int = 0,
     ticks: int = 0,
@@ -67,10 +67,10 @@ def rig(
         claim(scenario, Path(name)) as placed,
         Children(Path(name)) as children,
     ):
-        port: int = placed.values["rig"]["base_port"]
+        port = placed.rig.base_port
         place = Place(Path(name), port, len(placed.joints), warm_up, ticks, as_run(options))
         place.write()
-        (place.folder / "scenario.json").write_bytes(canonical(placed.values))
+        (place.folder / "scenario.json").write_bytes(canonical(placed))
         yield Rig(place, placed, children, instrumented=ticks > 0)
 
 
@@ -79,7 +79,7 @@ def lockstep(
     *,
     recorded: bool,
     options: dict[str, Any] | None = None,
-    scenario: ResolvedScenario | None = None,
+    scenario: Scenario | None = None,
     within_s: float = 100.0,
     read: Callable[[Place], Figures] = job_figures,
 ) -> Figures:

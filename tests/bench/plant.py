@@ -69,7 +69,7 @@ def feedback(engine: Engine, ticks: int) -> None:
 
 def config() -> PlantConfig:
     """The paper's body."""
-    return plant_config(load("paper").values)
+    return plant_config(load("paper"))
 
 
 @cache

@@ -93,7 +93,7 @@ def plugged() -> Figures:
         started.children.processes[JOINT].kill()
         _wait_for_line(started, f"{JOINT} died")
         notice_s = time.perf_counter() - began
-        with Terminal(rig_of(started.scenario.values)) as terminal:
+        with Terminal(rig_of(started.scenario)) as terminal:
             terminal.status()
             began = time.perf_counter()
             started.start_board(JOINT, "another")

@@ -94,7 +94,7 @@ def do_job(
         claim(hanging(boards), Path(name)) as placed,
         Children(Path(name)) as children,
     ):
-        port: int = placed.values["rig"]["base_port"]
+        port = placed.rig.base_port
         place = Place(
             Path(name), port, boards, warm_up, ticks, {**system.options, **(options or {})}
         )

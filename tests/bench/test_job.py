@@ -72,6 +72,6 @@ def test_cores_are_shared_out_as_a_layout_says() -> None:
 
 def test_a_hanging_chain_waits_for_what_is_far_away() -> None:
     """As every scenario must: no lumped delay is shorter than the hops to the top."""
-    boards = hanging(40).values["board"]
-    delays = [board["lumped_delay_ticks"] for board in boards]
+    boards = hanging(40).boards
+    delays = [board.lumped_delay_ticks for board in boards]
     assert all(delay >= 39 - index for index, delay in enumerate(delays))

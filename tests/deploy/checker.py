@@ -6,11 +6,10 @@ It plays nothing again, so it judges runs of foreign boards too, and of other ma
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import copysign, fabs, isfinite
-from typing import Any
 
-from plant_server.hardware.data_sheets import MotorSheet
 from plant_server.record import TickRecord
 from plant_server.spool.spool import Spool
+from protocol.robot.scenario import ElectionSettings
 from protocol.robot.states import DRIVING
 from protocol.wire.frames import TorqueFrame, decode
 
@@ -27,11 +26,11 @@ def check(spool: Spool) -> int:
     for before, after in pairwise(spool.ticks):
         _law(after.tick == before.tick + 1, "ticks are gap-free", after.tick)
     said = list(_answers(spool.ticks))
-    for board, entry in enumerate(spool.scenario["board"]):
-        motor, limit_nm = MotorSheet(**entry["actuator"]), entry["servo"]["torque_limit_nm"]
-        if motor.ideal and entry["foot"] is None:
+    for board, entry in enumerate(spool.scenario.boards):
+        motor, limit_nm = entry.actuator, entry.servo.torque_limit_nm
+        if motor.ideal and entry.foot is None:
             _check_torques(board, spool.ticks, said, limit_nm, motor.hold_ticks)
-    return _check_elections(spool.scenario["election"], spool.ticks, said)
+    return _check_elections(spool.scenario.election, spool.ticks, said)
 
 
 def _answers(ticks: Sequence[TickRecord]) -> Iterator[Said]:
@@ -76,12 +75,12 @@ def _check_torques(
 
 
 def _check_elections(
-    election: dict[str, Any], ticks: Sequence[TickRecord], said: list[Said]
+    election: ElectionSettings, ticks: Sequence[TickRecord], said: list[Said]
 ) -> int:
     """S13, of epochs in which everybody was there, drove, and was heard at once by everybody."""
-    period_ticks, rounds = election["period_ticks"], election["rounds"]
+    period_ticks, rounds = election.period_ticks, election.rounds
     first = ticks[0].tick
-    if not election["enabled"] or rounds < len(ticks[0].answers) - 1:
+    if not election.enabled or rounds < len(ticks[0].answers) - 1:
         return 0
     claimed = 0
     for begin in range(0, ticks[-1].tick - rounds + 1, period_ticks):

@@ -23,6 +23,7 @@ from deploy.recording.trajectory import (
 )
 from deploy.scenario_file.load import load
 from plant_server.spool.spool import Spool
+from protocol.robot.scenario import ElectionSettings
 
 START_NS = 5_000_000_000
 
@@ -30,7 +31,7 @@ START_NS = 5_000_000_000
 @cache
 def run(name: str, *settings: str) -> Trajectory:
     scenario = load(name, list(settings))
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def read_back(of: Spool) -> Recording:
@@ -111,7 +112,7 @@ def _link(rng: np.random.Generator, sent: Flags, said_ns: Integers) -> LinkHisto
 
 
 def _processes(of: Trajectory) -> dict[str, tuple[float, float]]:
-    joints = [board["joint"] for board in of.scenario["board"]]
+    joints = of.scenario.joints
     return {name: (1.0 + i / 10, 33.0) for i, name in enumerate(["plant", *joints])}
 
 
@@ -130,8 +131,8 @@ def chain(folder: Path, boards: int, duration_s: float) -> Trajectory:
         ),
         encoding="utf-8",
     )
-    scenario = load(str(path)).values
-    ticks = scenario["run"]["ticks"]
+    scenario = load(str(path))
+    ticks = scenario.run.ticks
     times_s = np.arange(ticks + 1) / 1000.0
     phases = np.arange(boards)
     angles_rad = 0.05 * np.exp(-times_s / 50.0)[:, None] * np.sin(times_s[:, None] + phases)
@@ -146,7 +147,7 @@ def chain(folder: Path, boards: int, duration_s: float) -> Trajectory:
         asked_nm=angles_rad[:-1],
         controlled_rad=angles_rad[:-1],
         state=np.full((ticks, boards), 2),
-        **_elected(np.abs(angles_rad), scenario["election"]),
+        **_elected(np.abs(angles_rad), scenario.election),
     )
 
 
@@ -162,11 +163,11 @@ def _pokes(boards: int, ticks: int) -> list[tuple[int, list[Any]]]:
     return found
 
 
-def _elected(w_rad: Floats, election: dict[str, Any]) -> dict[str, Any]:
+def _elected(w_rad: Floats, election: ElectionSettings) -> dict[str, Any]:
     """Max-consensus on a line of boards, of which one frame in ten is lost."""
     rng = np.random.default_rng(7)
     ticks, boards = len(w_rad) - 1, w_rad.shape[1]
-    epoch, round_ = np.divmod(np.arange(ticks), election["period_ticks"])
+    epoch, round_ = np.divmod(np.arange(ticks), election.period_ticks)
     urgency = np.empty((ticks, boards))
     candidate = np.empty((ticks, boards), dtype=np.int64)
     enabled = np.ones((ticks, boards), dtype=np.int64)
@@ -175,18 +176,18 @@ def _elected(w_rad: Floats, election: dict[str, Any]) -> dict[str, Any]:
             urgency[tick], candidate[tick] = w_rad[tick], np.arange(boards)
         else:
             urgency[tick], candidate[tick] = urgency[tick - 1], candidate[tick - 1]
-        if 0 < round_[tick] <= election["rounds"]:
+        if 0 < round_[tick] <= election.rounds:
             for to, of in ((slice(1, None), slice(-1)), (slice(-1), slice(1, None))):
                 heard = rng.random(boards - 1) > 0.1
                 better = heard & (urgency[tick - 1, of] > urgency[tick, to])
                 urgency[tick, to][better] = urgency[tick - 1, of][better]
                 candidate[tick, to][better] = candidate[tick - 1, of][better]
-        latches = round_[tick] == election["rounds"]
+        latches = round_[tick] == election.rounds
         won = (candidate[tick] == np.arange(boards)).astype(np.int64)
         enabled[tick] = won if latches else enabled[tick - 1]
     return {
         "epoch": np.broadcast_to(epoch[:, None], (ticks, boards)),
-        "round": np.broadcast_to(np.minimum(round_, election["rounds"])[:, None], (ticks, boards)),
+        "round": np.broadcast_to(np.minimum(round_, election.rounds)[:, None], (ticks, boards)),
         "urgency": urgency,
         "candidate": candidate,
         "enabled": enabled,

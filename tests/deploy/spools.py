@@ -2,11 +2,13 @@
 
 from functools import cache
 
+from msgspec.structs import replace
+
 from deploy.launch.twin import run_twin
 from deploy.scenario_file.load import load
 from plant_server.record import TickRecord, Walls
 from plant_server.spool.spool import Spool
-from protocol.robot.scenario import ResolvedScenario, resolved
+from protocol.robot.scenario import LinkFaults, Scenario
 from protocol.wire.timing import TickTiming, Timing
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
@@ -35,27 +37,27 @@ def spool(name: str = "paper", *settings: str) -> Spool:
     return played(load(name, list(settings or SHORT[name])))
 
 
-def played(scenario: ResolvedScenario) -> Spool:
+def played(scenario: Scenario) -> Spool:
     """What a twin would leave of any run."""
     ticks, outcome = run_twin(scenario)
     walls: list[Walls | None] = [None] * len(ticks)
-    return Spool(scenario.values, {"mode": "twin"}, ticks, walls, [], outcome, complete=True)
+    return Spool(scenario, {"mode": "twin"}, ticks, walls, [], outcome, complete=True)
 
 
 @cache
 def by_the_wall(*settings: str) -> Spool:
     """What a plant in realtime would leave: a busy host, bad links, a board that comes and goes."""
     mode = ["run.mode=realtime", "unattended.how=braked", *(settings or SHORT["hotplug"])]
-    link = [[1, 2, {"loss": 0.2, "corrupt": 0.1}]]
-    scenario = resolved({**load("hotplug", mode).values, "link": link})
+    faults = (LinkFaults(1, 2, {"loss": 0.2, "corrupt": 0.1}),)
+    scenario = replace(load("hotplug", mode), link_faults=faults)
     of = RealtimeRobot(scenario, Host(busy=0.05, busy_ns=12 * MS, loss=0.1)).spool()
     return of._replace(facts=FACTS, walls=[_walls(record) for record in of.ticks])
 
 
 def bad_link(**parameters: float) -> Spool:
     """A short run whose link between knee and hip is bad from the start, both ways."""
-    link = [[1, 2, parameters], [2, 1, parameters]]
-    return played(resolved({**spool().scenario, "link": link}))
+    faults = LinkFaults(1, 2, parameters), LinkFaults(2, 1, parameters)
+    return played(replace(spool().scenario, link_faults=faults))
 
 
 def timed(of: Spool) -> Spool:

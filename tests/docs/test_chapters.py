@@ -98,8 +98,8 @@ def test_the_controllers_by_example_are_those_that_come_along(tmp_path: Path) ->
     (chosen,) = (block.text for block in found if block.kind == "toml")
     path = tmp_path / "example.toml"
     path.write_text(f'extends = "paper"\n{chosen}', encoding="utf-8")
-    values = load(str(path)).values
-    assert values["election"]["rule"]["class"] == "hysteresis:Hysteresis"
-    assert [board["controller"]["class"] for board in values["board"]] == [
-        "computed_torque:ComputedTorque"
-    ] * 3
+    scenario = load(str(path))
+    assert scenario.election.rule is not None
+    assert scenario.election.rule.reference == "hysteresis:Hysteresis"
+    servos = [board.controller and board.controller.reference for board in scenario.boards]
+    assert servos == ["computed_torque:ComputedTorque"] * 3

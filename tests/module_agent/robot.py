@@ -5,10 +5,13 @@ from dataclasses import replace
 from math import cos, sin
 from typing import Any
 
+from msgspec import structs
+
 from module_agent.firmware.board import Actuation, Board
-from module_agent.firmware.config import BoardConfig, Controls, ElectionConfig, ServoGains
-from module_agent.firmware.kinematics import Link
+from module_agent.firmware.config import BoardConfig, ElectionConfig
 from protocol.robot.commands import PERFECT
+from protocol.robot.hardware import Link, ServoGains
+from protocol.robot.scenario import Controls
 from protocol.robot.sensors import Readings
 from protocol.wire.frames import (
     NO_TICK,
@@ -39,7 +42,7 @@ PROPORTIONAL = ServoGains(
     torque_limit_nm=1e6,
 )
 """Torque is -100 times the error, so it shows which error the servo took."""
-FULL = PROPORTIONAL._replace(kd_nm_s_rad=20.0, ki_nm_rad_s=5.0, gravity_weight=0.8)
+FULL = structs.replace(PROPORTIONAL, kd_nm_s_rad=20.0, ki_nm_rad_s=5.0, gravity_weight=0.8)
 
 Sensors = Callable[[int, int], Readings]
 """Board and tick to what the board senses."""

@@ -9,7 +9,7 @@ in time, they must be the same controller.
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ from deploy.launch.twin import Twin, run_twin
 from deploy.recording.trajectory import trajectory
 from deploy.scenario_file.load import load
 from plant_server.body.body import Body
-from plant_server.body.chain import Chain, LinkInertia
-from protocol.robot.scenario import ResolvedScenario
+from plant_server.body.chain import Chain
+from protocol.robot.scenario import Scenario
 from protocol.wire.frames import Observation, decode, encode
 
 pytestmark = pytest.mark.slow
@@ -47,23 +47,23 @@ class CentralLaw:
     tau_i = -[G_g alpha_CoM,i + G_servo (K_p eps_i + K_d d(alpha_i)/dt + K_i int eps_i)] at t - D
     """
 
-    def __init__(self, values: dict[str, Any]) -> None:
-        boards, election = values["board"], values["election"]
-
-        def column(name: str, table: str | None = None) -> Floats:
-            return np.array([(board[table] if table else board)[name] for board in boards])
-
-        self.controls = [board["controls"] for board in boards]
-        self.mass, self.length = column("mass_kg", "link"), column("length_m", "link")
-        self.com = column("com_m", "link")
-        self.kp, self.kd = column("kp_nm_rad", "servo"), column("kd_nm_s_rad", "servo")
-        self.ki, self.g_servo = column("ki_nm_rad_s", "servo"), column("g_servo", "servo")
-        self.g_g = column("gravity_weight", "servo") * self.kp
-        self.reference = column("reference_rad")
-        self.delay_ticks = [board["lumped_delay_ticks"] for board in boards]
-        self.tick_s = values["run"]["tick_s"]
-        self.election = election if election["enabled"] else None
-        self.holds_orientation = election["disabled_holds"] == "link-orientation"
+    def __init__(self, scenario: Scenario) -> None:
+        boards, election = scenario.boards, scenario.election
+        links, servos = [board.link for board in boards], [board.servo for board in boards]
+        self.controls = [board.controls.value for board in boards]
+        self.mass = np.array([link.mass_kg for link in links])
+        self.length = np.array([link.length_m for link in links])
+        self.com = np.array([link.com_m for link in links])
+        self.kp = np.array([servo.kp_nm_rad for servo in servos])
+        self.kd = np.array([servo.kd_nm_s_rad for servo in servos])
+        self.ki = np.array([servo.ki_nm_rad_s for servo in servos])
+        self.g_servo = np.array([servo.g_servo for servo in servos])
+        self.g_g = np.array([servo.gravity_weight for servo in servos]) * self.kp
+        self.reference = np.array([board.reference_rad for board in boards])
+        self.delay_ticks = [board.lumped_delay_ticks for board in boards]
+        self.tick_s = scenario.run.tick_s
+        self.election = election if election.enabled else None
+        self.holds_orientation = election.disabled_holds == "link-orientation"
         self.past: list[Sample] = []
         self.y = np.ones(len(boards), dtype=bool)
         self.alpha_bar = np.zeros(len(boards))
@@ -117,10 +117,10 @@ class CentralLaw:
         """Freeze w at k T_e; R rounds of agreement later, y_i = 1 for the argmax alone."""
         if self.election is None:
             return
-        epoch_tick = k % self.election["period_ticks"]
+        epoch_tick = k % self.election.period_ticks
         if epoch_tick == 0:
             self.w_0 = w
-        if epoch_tick == self.election["rounds"]:
+        if epoch_tick == self.election.rounds:
             y = np.arange(len(w)) == np.argmax(self.w_0)
             deactivated = self.y & ~y
             self.alpha_bar = np.where(deactivated, held, self.alpha_bar)
@@ -136,17 +136,17 @@ class Run(NamedTuple):
     enabled: NDArray[np.bool_]
 
 
-def run_centrally(values: dict[str, Any]) -> Run:
-    law, boards = CentralLaw(values), values["board"]
-    orientations = np.array([board["initial_rad"] for board in boards])
+def run_centrally(scenario: Scenario) -> Run:
+    law, boards = CentralLaw(scenario), scenario.boards
+    orientations = np.array([board.initial_rad for board in boards])
     body = Body(
-        Chain([LinkInertia(**board["link"]) for board in boards]),
+        Chain([board.link for board in boards]),
         initial_angles_rad=np.diff(orientations, prepend=0.0).tolist(),
-        tick_s=values["run"]["tick_s"],
-        substeps=values["run"]["substeps"],
+        tick_s=scenario.run.tick_s,
+        substeps=scenario.run.substeps,
     )
     angles, torques, controlled, enabled = [body.angles_rad], [], [], []
-    for k in range(values["run"]["ticks"]):
+    for k in range(scenario.run.ticks):
         tau = law.torques_nm(k, np.array(body.angles_rad), np.array(body.rates_rad_s))
         body.step(tau.tolist())
         angles.append(body.angles_rad)
@@ -157,7 +157,7 @@ def run_centrally(values: dict[str, Any]) -> Run:
     return Run(np.array(angles), np.array(torques), np.array(controlled), np.array(enabled))
 
 
-def assert_same_controller(scenario: ResolvedScenario) -> None:
+def assert_same_controller(scenario: Scenario) -> None:
     """Every signal agrees to 1e-12 of its largest magnitude over the run.
 
     The two controllers do the same arithmetic in another order, so each torque differs by some
@@ -166,11 +166,11 @@ def assert_same_controller(scenario: ResolvedScenario) -> None:
     early or late, in one term of one board, shows as 1e-3.
     """
     boards, central = (
-        trajectory(scenario.values, *run_twin(scenario)),
-        run_centrally(scenario.values),
+        trajectory(scenario, *run_twin(scenario)),
+        run_centrally(scenario),
     )
     assert boards.ending == "complete"
-    limits = [board["servo"]["torque_limit_nm"] for board in scenario.values["board"]]
+    limits = [board.servo.torque_limit_nm for board in scenario.boards]
     assert (np.abs(central.torques_nm) < limits).all()  # Saturation is not the paper's.
     assert (boards.enabled == central.enabled).all()
     for ours, theirs in (
@@ -221,7 +221,7 @@ FIVE_BOARDS = [
 ]
 
 
-def five_links(folder: Path, *, elections: bool) -> ResolvedScenario:
+def five_links(folder: Path, *, elections: bool) -> Scenario:
     """A chain of five, its ankle four hops from the only IMU, with a delay of just four ticks."""
     text = FIVE_LINKS.format(elections=str(elections).lower())
     for joint, controls, delay, initial, reference, mass, length, com, kp, kd in FIVE_BOARDS:
@@ -256,8 +256,8 @@ def test_the_elections_are_elections(tmp_path: Path) -> None:
         (load("paper", ["run.duration_s=2"]), 2),
         (five_links(tmp_path, elections=True), 4),
     ):
-        enabled = run_centrally(scenario.values).enabled
-        first_latch = scenario.values["election"]["rounds"]
+        enabled = run_centrally(scenario).enabled
+        first_latch = scenario.election.rounds
         winners = enabled[first_latch:].argmax(axis=1)
         assert len(set(winners.tolist())) >= winners_min
         assert np.count_nonzero(np.diff(winners)) >= 4
@@ -269,12 +269,12 @@ def test_a_board_knows_its_own_link_only(tmp_path: Path) -> None:
     boards = [board for board in Twin(scenario).boards if board is not None]
     wires = [board.config.neighbours for board in boards]
     assert wires == [(1,), (0, 2), (1, 3), (2, 4), (3,)]
-    for board, values in zip(boards, scenario.values["board"], strict=True):
-        assert board.config.link._asdict() == values["link"]
+    for board, own in zip(boards, scenario.boards, strict=True):
+        assert board.config.link == own.link
         assert len(board.hearings) == len(board.config.neighbours)
 
 
-def said(scenario: ResolvedScenario, shaken: int | None) -> Iterator[list[tuple[bytes, ...]]]:
+def said(scenario: Scenario, shaken: int | None) -> Iterator[list[tuple[bytes, ...]]]:
     """Per warm-up tick all frames of each board, where in tick -5 one board's sensors are shaken.
 
     The body is held, so that news of it can travel by link frames only.

@@ -34,7 +34,7 @@ EPOCHS = 20
 @cache
 def run(*overrides: str) -> Trajectory:
     scenario = load("paper", ["run.duration_s=2", *overrides])
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def latch_ticks() -> range:
@@ -282,7 +282,7 @@ def test_epsilon() -> None:
     """The paper's equation for epsilon: alpha - alpha_ref while y = 1, alpha - alpha_bar while
     y = 0, where alpha_bar is the alpha of the moment in which y went from 1 to 0."""
     moved = run_with_bare_servos()
-    for i, board in enumerate(moved.scenario["board"]):
+    for i, board in enumerate(moved.scenario.boards):
         alpha_bar, was_enabled = np.nan, 1
         switched_off = 0
         for alpha, y, tau in zip(
@@ -292,8 +292,8 @@ def test_epsilon() -> None:
                 alpha_bar = alpha
                 switched_off += 1
             was_enabled = y
-            epsilon = alpha - board["reference_rad"] if y else alpha - alpha_bar
-            assert tau == -board["servo"]["kp_nm_rad"] * epsilon
+            epsilon = alpha - board.reference_rad if y else alpha - alpha_bar
+            assert tau == -board.servo.kp_nm_rad * epsilon
         assert switched_off >= 2
 
 

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from plant_server.body.chain import LinkInertia
 from plant_server.record import TickRecord
-from plant_server.session.config import PlantConfig, Unattended
+from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
 from protocol.robot.commands import Command, LinkParameters
+from protocol.robot.hardware import Link, Unattended
 from protocol.robot.sensors import sensors_of
 from protocol.robot.states import State
 from protocol.wire.frames import (
@@ -23,7 +23,7 @@ from protocol.wire.wiring import neighbours
 RUN, OTHER_RUN = 0x8000_0001, 0x8000_0002
 JOINTS = ("ankle", "knee", "hip")
 ANKLE, KNEE, HIP = range(3)
-LINK = LinkInertia(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
+LINK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
 LIMIT_NM = 50.0
 POSTURE_RAD = (0.1, -0.2, 0.3)
 LIMP = Unattended("limp", 0.0, 0.0)

@@ -19,7 +19,7 @@ from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.spool.spool import PLANT, Spool
-from protocol.robot.scenario import ResolvedScenario, run_id
+from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import ProtocolError
 from protocol.wire.trace import Lived, decode_trace
 
@@ -68,12 +68,12 @@ class Own:
 class RealtimeRobot:
     """Plant and boards; `run` plays until the run is over."""
 
-    def __init__(self, scenario: ResolvedScenario, host: Host | None = None) -> None:
+    def __init__(self, scenario: Scenario, host: Host | None = None) -> None:
         self.scenario = scenario
         self.host = host or Host()
         self.random = Random(self.host.seed)
         self.run_id = run_id(scenario.digest)
-        config = plant_config(scenario.values)
+        config = plant_config(scenario)
         self.tick_ns = round(config.tick_s * 1e9)
         self.plant = FreeRunning(config, run_id=self.run_id)
         self.records: list[TickRecord] = []
@@ -104,7 +104,7 @@ class RealtimeRobot:
     def plug(self, board: int) -> None:
         self.plugged[board] += 1
         incarnation = self.plugged[board]
-        config = board_config(self.scenario.values, self.scenario.joints[board])
+        config = board_config(self.scenario, self.scenario.joints[board])
         cycle = Cycle(config, tick_ns=self.tick_ns, run_id=self.run_id, incarnation=incarnation)
         boot_ns = self.random.randrange(10**12)
         own = Own(cycle, boot_ns, self.host.ppm.get(board, 0.0), incarnation)
@@ -128,7 +128,7 @@ class RealtimeRobot:
         realtime: list[tuple[int, Any]] = [*self.traces, (PLANT, account)]
         walls: list[Walls | None] = [None] * len(records)
         return Spool(
-            self.scenario.values,
+            self.scenario,
             {},
             records,
             walls,

@@ -52,7 +52,7 @@ def test_on_a_quiet_host_it_moves_as_in_lockstep() -> None:
     """No sample is the same, and the movement is within half a degree (the body turns by 33)."""
     found = arrays(played("quiet"))
     scenario = load("paper", ["run.duration_s=1"])
-    twin = trajectory(scenario.values, *run_twin(scenario))
+    twin = trajectory(scenario, *run_twin(scenario))
     apart_rad = np.abs(found.orientations_rad - twin.orientations_rad).max()
     assert np.degrees(apart_rad) < 0.5
     assert (found.state == State.RUNNING).mean() > 0.99

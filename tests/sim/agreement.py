@@ -25,11 +25,11 @@ class Agreement:
     """What the boards elect, epoch after epoch."""
 
     def __init__(self, robot: Robot) -> None:
-        election = robot.scenario.values["election"]
+        election = robot.scenario.election
         self.robot = robot
-        self.period_ticks = int(election["period_ticks"])
-        self.rounds = int(election["rounds"])
-        self.keeps_last = election["incomplete"] == "keep-last"
+        self.period_ticks = election.period_ticks
+        self.rounds = election.rounds
+        self.keeps_last = election.incomplete == "keep-last"
         self.claims: set[tuple[float, int]] = set()
         """Urgencies of this epoch and whose they are, as their owners said."""
         self.window: list[Said] = []

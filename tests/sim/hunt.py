@@ -68,9 +68,9 @@ class Game:
 
         They are filled by sensors that are back.
         """
-        values, agreement = self.plan.scenario.values, self.laws.agreement
+        scenario, agreement = self.plan.scenario, self.laws.agreement
         lockstep = self.robot.lockstep
-        delay_ticks = max(board["lumped_delay_ticks"] for board in values["board"])
+        delay_ticks = max(board.lumped_delay_ticks for board in scenario.boards)
         full_tick = lockstep.tick + SENSORS_BACK_TICKS + delay_ticks
         period_ticks = agreement.period_ticks
         begins_tick = -(-full_tick // period_ticks) * period_ticks

@@ -4,14 +4,16 @@ Rates are drawn from few values, zero among them, so that seeds differ in kind a
 only: some have nothing but deaths, some nothing but noise, some everything.
 """
 
-import json
 from functools import cache
 from random import Random
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from msgspec.structs import replace
 
 from deploy.scenario_file.load import load
 from protocol.robot.commands import DELAY_TICKS_MAX
-from protocol.robot.scenario import ResolvedScenario, resolved
+from protocol.robot.hardware import Unattended
+from protocol.robot.scenario import BoardSettings, Controls, LinkFaults, Scenario
 
 RUN_TICKS = 100_000
 """The simulator ends a run, never the scenario."""
@@ -48,14 +50,14 @@ class Plan(NamedTuple):
     """Everything that is drawn before the first tick."""
 
     seed: int
-    scenario: ResolvedScenario
+    scenario: Scenario
     rates: Rates
     faulty_ticks: int
 
 
 @cache
-def _paper() -> str:
-    return json.dumps(load("paper").values)
+def _paper() -> Scenario:
+    return load("paper")
 
 
 def link_changes(chance: Random) -> dict[str, float]:
@@ -77,48 +79,51 @@ def plan(seed: int) -> Plan:
     """Draw the plan of a seed."""
     chance = Random(f"plan {seed}")
     size = chance.choice((1, 2, 2, 3, 3, 3, 4, 4, 5, 6))
-    values: dict[str, Any] = json.loads(_paper())
+    paper = _paper()
     rounds = max(1, size - 1) + chance.choice((0, 0, 1, 3))
-    values["name"] = "sim"
-    values["run"] |= {
-        "seed": chance.randrange(2**63),
-        "ticks": RUN_TICKS,
-        "tick_s": chance.choice((0.001, 0.001, 0.002, 0.004)),
-    }
-    values["election"] |= {
-        "period_ticks": rounds + chance.randint(1, 8),
-        "rounds": rounds,
-        "disabled_holds": chance.choice(("controlled-variable", "link-orientation")),
-        "incomplete": chance.choice(("each-side", "keep-last")),
-    }
-    values["board"] = [
-        _board(values["board"], index, size=size, chance=chance) for index in range(size)
-    ]
-    values["link_names"] = [f"link{index}" for index in range(size)]
-    values["link"] = [
-        [sender, receiver, link_changes(chance)]
-        for sender in range(size)
-        for receiver in (sender - 1, sender + 1)
-        if 0 <= receiver < size and chance.random() < 0.1
-    ]
-    return Plan(seed, resolved(values), _rates(chance), BOARD_TICKS // size + 20)
+    run = replace(
+        paper.run,
+        seed=chance.randrange(2**63),
+        ticks=RUN_TICKS,
+        tick_s=chance.choice((0.001, 0.001, 0.002, 0.004)),
+    )
+    election = replace(
+        paper.election,
+        period_ticks=rounds + chance.randint(1, 8),
+        rounds=rounds,
+        disabled_holds=chance.choice(("controlled-variable", "link-orientation")),
+        incomplete=chance.choice(("each-side", "keep-last")),
+    )
+    boards = tuple(_board(paper, index, size=size, chance=chance) for index in range(size))
+    scenario = replace(
+        paper,
+        name="sim",
+        run=run,
+        election=election,
+        boards=boards,
+        link_names=tuple(f"link{index}" for index in range(size)),
+        link_faults=tuple(
+            LinkFaults(sender, receiver, link_changes(chance))
+            for sender in range(size)
+            for receiver in (sender - 1, sender + 1)
+            if 0 <= receiver < size and chance.random() < 0.1
+        ),
+    )
+    return Plan(seed, scenario, _rates(chance), BOARD_TICKS // size + 20)
 
 
-def _board(paper: list[dict[str, Any]], index: int, *, size: int, chance: Random) -> dict[str, Any]:
-    template = paper[2] if index == size - 1 else paper[min(index, 1)]
-    board: dict[str, Any] = json.loads(json.dumps(template))
-    board["joint"] = f"joint{index}"
-    board["controls"] = chance.choice(("body-sway", "joint-angle", "link-orientation"))
-    board["imu"] = index == size - 1 or chance.random() < 0.2
-    board["reference_rad"] = chance.uniform(-0.1, 0.1)
-    board["initial_rad"] = chance.uniform(-0.3, 0.3)
-    board["lumped_delay_ticks"] = size - 1 + chance.randint(0, 6)
-    board["unattended"] = {
-        "how": chance.choice(("limp", "braked", "passive")),
-        "stiffness_nm_rad": 100.0,
-        "damping_nm_s_rad": 5.0,
-    }
-    return board
+def _board(paper: Scenario, index: int, *, size: int, chance: Random) -> BoardSettings:
+    template = paper.boards[2 if index == size - 1 else min(index, 1)]
+    return replace(
+        template,
+        joint=f"joint{index}",
+        controls=chance.choice(tuple(Controls)),
+        imu=index == size - 1 or chance.random() < 0.2,
+        reference_rad=chance.uniform(-0.1, 0.1),
+        initial_rad=chance.uniform(-0.3, 0.3),
+        lumped_delay_ticks=size - 1 + chance.randint(0, 6),
+        unattended=Unattended(chance.choice(("limp", "braked", "passive")), 100.0, 5.0),
+    )
 
 
 def _rates(chance: Random) -> Rates:

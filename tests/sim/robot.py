@@ -128,7 +128,7 @@ class Robot(Twin):
 
     def _enrol(self, board: int, ready_tick: int) -> None:
         self._incarnations[board] += 1
-        config = board_config(self.scenario.values, self.scenario.joints[board])
+        config = board_config(self.scenario, self.scenario.joints[board])
         firmware = Board(config, run_id=self.run_id, incarnation=self._incarnations[board])
         self.newcomers[board] = Newcomer(firmware, self._incarnations[board], ready_tick)
 

@@ -35,7 +35,7 @@ def test_plans_differ_in_kind() -> None:
     """Bodies of 1 to 6 boards, both policies, and rates of nothing and of much."""
     plans = [plan(seed) for seed in range(100)]
     assert {len(one.scenario.joints) for one in plans} == {1, 2, 3, 4, 5, 6}
-    policies = {one.scenario.values["election"]["incomplete"] for one in plans}
+    policies = {one.scenario.election.incomplete for one in plans}
     assert policies == {"each-side", "keep-last"}
     assert {one.rates.death > 0.0 for one in plans} == {False, True}
 

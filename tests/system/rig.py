@@ -18,7 +18,7 @@ from deploy.launch.twin import run_twin
 from deploy.recording.trajectory import trajectory
 from deploy.scenario_file.load import load
 from plant_server.spool.spool import read_spool
-from protocol.robot.scenario import ResolvedScenario, canonical
+from protocol.robot.scenario import Scenario, canonical
 
 PATIENCE_S = 30.0
 """For what must happen, however slow the machine is."""
@@ -29,11 +29,11 @@ Process = subprocess.Popen[str]
 class Rig:
     """Processes of one robot, started by hand: ports of its own, output kept in files."""
 
-    def __init__(self, folder: Path, scenario: ResolvedScenario) -> None:
+    def __init__(self, folder: Path, scenario: Scenario) -> None:
         self.folder = folder
         self.scenario = scenario
         self.file = folder / "scenario.json"
-        self.file.write_bytes(canonical(scenario.values))
+        self.file.write_bytes(canonical(scenario))
         self.processes: list[Process] = []
 
     def start(self, *command: str, name: str = "") -> Process:
@@ -60,9 +60,9 @@ class Rig:
 
     def free(self) -> bool:
         """Whether every port of the rig can be listened on again."""
-        rig = self.scenario.values["rig"]
-        ports = range(rig["base_port"], rig["base_port"] + 1 + len(self.scenario.joints))
-        return all(_can_listen(rig["host"], port) for port in ports)
+        rig = self.scenario.rig
+        ports = range(rig.base_port, rig.base_port + 1 + len(self.scenario.joints))
+        return all(_can_listen(rig.host, port) for port in ports)
 
 
 def said(process: Process) -> str:
@@ -119,7 +119,7 @@ def _can_listen(host: str, port: int) -> bool:
 def twin_digest(*settings: str, source: str = "paper") -> str:
     """The trajectory that the twin has for a scenario."""
     scenario = load(source, list(settings))
-    return trajectory(scenario.values, *run_twin(scenario)).state_sha256
+    return trajectory(scenario, *run_twin(scenario)).state_sha256
 
 
 def decmesh(*arguments: str, patience_s: float = 120.0) -> subprocess.CompletedProcess[str]:

@@ -47,7 +47,7 @@ def rubbish(dice: random.Random) -> Iterator[bytes]:
 
 
 def every_key(rig: Rig) -> list[str]:
-    name, joints = rig.scenario.values["rig"]["name"], rig.scenario.joints
+    name, joints = rig.scenario.rig.name, rig.scenario.joints
     return [
         *(keys.observation(name, joint) for joint in joints),
         *(keys.torque(name, joint) for joint in joints),
@@ -97,8 +97,8 @@ def test_rubbish_on_every_key_changes_nothing(make_rig: Callable[..., Rig]) -> N
     processes = [plant, *boards]
     before = [resident_mb(process) for process in processes]
     payloads, everywhere = rubbish(random.Random(1)), every_key(rig)
-    with attacker(rig_of(rig.scenario.values)) as session:
-        name = rig.scenario.values["rig"]["name"]
+    with attacker(rig_of(rig.scenario)) as session:
+        name = rig.scenario.rig.name
         wait_until_heard(session, [keys.observation(name, joint) for joint in rig.scenario.joints])
         wait_until_heard(session, list(map(partial(keys.torque, name), rig.scenario.joints)))
         for i in range(PAYLOADS):
@@ -121,17 +121,17 @@ def test_silent_and_chattering_connections_do_not_keep_anybody_out(
 ) -> None:
     """300 that say nothing, and some that say rubbish, on the plant's port and on a board's."""
     rig = make_rig("run.duration_s=0.3")
-    address = rig.scenario.values["rig"]
+    address = rig.scenario.rig
     plant = rig.plant("--progress", "--spool", str(rig.folder / "run.spool"))
     eventually(lambda: "waiting for" in said(plant))
     dice = random.Random(2)
-    silent = [socket.create_connection((address["host"], address["base_port"])) for _ in range(300)]
+    silent = [socket.create_connection((address.host, address.base_port)) for _ in range(300)]
     stop = threading.Event()
 
     def chatter() -> None:
         while not stop.is_set():
             try:
-                with socket.create_connection((address["host"], address["base_port"])) as loud:
+                with socket.create_connection((address.host, address.base_port)) as loud:
                     loud.sendall(dice.randbytes(500))
             except OSError:
                 pass
@@ -160,8 +160,8 @@ def test_boards_count_what_they_refuse(make_rig: Callable[..., Rig], joint: str)
     plant = rig.plant("--progress", "--spool", str(spool))
     boards = [rig.board(name) for name in rig.scenario.joints]
     eventually(lambda: said(plant))
-    name = rig.scenario.values["rig"]["name"]
-    with attacker(rig_of(rig.scenario.values)) as session:
+    name = rig.scenario.rig.name
+    with attacker(rig_of(rig.scenario)) as session:
         wait_until_heard(session, [keys.link(name, "hip", joint)])
         for _ in range(50):
             session.put(keys.link(name, "hip", joint), b"rubbish")
@@ -182,8 +182,8 @@ def test_a_storm_is_flagged_by_whoever_it_hits(make_rig: Callable[..., Rig]) -> 
     plant = rig.plant("--progress")
     boards = {joint: rig.board(joint) for joint in rig.scenario.joints}
     eventually(lambda: said(plant))
-    address = rig.scenario.values["rig"]
-    name, port = address["name"], address["base_port"]
+    address = rig.scenario.rig
+    name, port = address.name, address.base_port
     to_knee, to_plant = keys.link(name, "hip", "knee"), keys.torque(name, "hip")
     over = threading.Event()
 
@@ -197,7 +197,7 @@ def test_a_storm_is_flagged_by_whoever_it_hits(make_rig: Callable[..., Rig]) -> 
         found = decmesh("status", "--json", "--rig", f"127.0.0.1:{port}").stdout
         return {storm["origin"]: storm["reason"] for storm in json.loads(found)["storms"]}
 
-    with attacker(rig_of(rig.scenario.values)) as session:
+    with attacker(rig_of(rig.scenario)) as session:
         wait_until_heard(session, [to_knee, to_plant])
         boards["hip"].send_signal(signal.SIGSTOP)
         raging = threading.Thread(target=rage, args=(session,))

@@ -32,7 +32,7 @@ def named(folder: Path, body: str, lines: str = "") -> str:
 
 
 def status(rig: Rig) -> dict[str, Any]:
-    port = rig.scenario.values["rig"]["base_port"]
+    port = rig.scenario.rig.base_port
     found: dict[str, Any] = json.loads(
         decmesh("status", "--json", "--rig", f"127.0.0.1:{port}").stdout
     )
@@ -54,7 +54,7 @@ def test_processes_equal_the_twin_to_the_bit_and_in_what_failed_where(tmp_path: 
     run = read_run(tmp_path / "run")
     assert run is not None
     scenario = load(file, [SHORT])
-    twin = trajectory(scenario.values, *run_twin(scenario))
+    twin = trajectory(scenario, *run_twin(scenario))
     assert run.events == twin.events
     assert run.state_sha256 == twin.state_sha256
 
@@ -65,7 +65,7 @@ def test_boards_with_another_file_are_refused(make_rig: Callable[..., Rig], tmp_
     plant = rig.plant()
     eventually(lambda: "waiting for" in said(plant))
     file = named(tmp_path, "return 1.0")
-    port = rig.scenario.values["rig"]["base_port"]
+    port = rig.scenario.rig.base_port
     settings = ["--set", SHORT, "--set", f"rig.base_port={port}"]
     stranger = rig.start("module_agent", "knee", "--scenario", file, *settings)
     assert stranger.wait(30) == refused(Verdict.OTHER_SCENARIO)
@@ -123,7 +123,7 @@ def test_a_controller_that_does_not_come_back_is_named_and_waited_for(
     assert [process.wait(60) for process in processes] == [ExitCode.OK] * 4
     run = read_run(rig.folder)
     assert run is not None
-    twin = trajectory(rig.scenario.values, *run_twin(rig.scenario))
+    twin = trajectory(rig.scenario, *run_twin(rig.scenario))
     assert run.state_sha256 == twin.state_sha256
     assert run.events == twin.events, "who was slow is no part of the run"
 
@@ -163,7 +163,7 @@ def test_a_failed_board_is_shown_and_can_be_exchanged(
     assert (told["enabled"], told["torque_nm"]) == (False, 0.0)
     assert (told["fault"]["code"], told["fault"]["name"]) == (1, "controller raised")
     assert told["fault"]["text"].startswith("ValueError: just once\nmy_servo.py:")
-    port = rig.scenario.values["rig"]["base_port"]
+    port = rig.scenario.rig.base_port
     shown = decmesh("status", "--rig", f"127.0.0.1:{port}").stdout
     assert "knee: fault 1 (controller raised), ValueError: just once" in shown
     knee.kill()

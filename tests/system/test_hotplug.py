@@ -196,7 +196,7 @@ def test_with_patience_a_frozen_board_is_left_behind_and_enrols_again(
     time.sleep(0.2)
     boards["knee"].send_signal(signal.SIGCONT)
     eventually(lambda: "enrolling again" in said(boards["knee"]))
-    base_port = rig.scenario.values["rig"]["base_port"]
+    base_port = rig.scenario.rig.base_port
 
     def state() -> str:
         now = json.loads(decmesh("status", "--json", "--rig", f"127.0.0.1:{base_port}").stdout)

@@ -82,5 +82,5 @@ def test_five_links_are_a_robot_as_well(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     scenario = load(str(file))
-    twin = trajectory(scenario.values, *run_twin(scenario))
+    twin = trajectory(scenario, *run_twin(scenario))
     assert summary["state_sha256"] == twin.state_sha256

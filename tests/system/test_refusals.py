@@ -6,20 +6,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from deploy.scenario_file.load import load
 from protocol.process.exit_codes import ExitCode, refused
-from protocol.robot.scenario import canonical
+from protocol.robot.scenario import Scenario, canonical
 from protocol.wire.enrolment import Verdict
 from protocol.wire.frames import VERSION
 from tests.system.rig import Rig, decmesh, eventually, said
 
 
-def another_file(rig: Rig, changes: dict[str, object]) -> str:
-    """The rig's scenario with something else in it, in a file of its own."""
-    values = {**rig.scenario.values, **changes}
+def another_file(rig: Rig, scenario: Scenario) -> str:
+    """A scenario in a file of its own, beside the rig's."""
     path = rig.folder / f"other{len(list(rig.folder.iterdir()))}.json"
-    path.write_bytes(canonical(values))
+    path.write_bytes(canonical(scenario))
     return str(path)
 
 
@@ -28,14 +28,14 @@ def test_boards_that_do_not_fit_are_told_why(make_rig: Callable[..., Rig]) -> No
     plant = rig.plant()
     eventually(lambda: "waiting for" in said(plant))
 
-    other_run = {**rig.scenario.values["run"], "seed": 99}
-    file = another_file(rig, {"run": other_run})
+    other_run = replace(rig.scenario.run, seed=99)
+    file = another_file(rig, replace(rig.scenario, run=other_run))
     stranger = rig.start("module_agent", "knee", "--scenario", file)
     assert stranger.wait(30) == refused(Verdict.OTHER_SCENARIO)
     assert "refused: the board was started with scenario" in said(stranger)
 
-    other_rig = {**rig.scenario.values["rig"], "name": "another"}
-    file = another_file(rig, {"rig": other_rig})
+    other_rig = replace(rig.scenario.rig, name="another")
+    file = another_file(rig, replace(rig.scenario, rig=other_rig))
     stranger = rig.start("module_agent", "knee", "--scenario", file)
     assert stranger.wait(30) == refused(Verdict.WRONG_RIG)
     assert "refused: the board belongs to rig 'another', the plant to rig 'robot'" in said(stranger)
@@ -98,7 +98,7 @@ def test_decmesh_finds_other_ports_when_its_own_are_taken(
     rig = make_rig()
     plant = rig.plant()
     eventually(lambda: "waiting for" in said(plant))
-    port = rig.scenario.values["rig"]["base_port"]
+    port = rig.scenario.rig.base_port
     settings = ["--set", f"rig.base_port={port}", "--set", "run.duration_s=0.05"]
     done = decmesh("run", "paper", *settings, "--out", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr

@@ -14,7 +14,7 @@ from tests.system.rig import Rig, eventually
 @contextmanager
 def deaf_plant(rig: Rig) -> Iterator[zenoh.Session]:
     """Somebody who sits at the plant's port, and answers nothing."""
-    config = plant_session(rig_of(rig.scenario.values))
+    config = plant_session(rig_of(rig.scenario))
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         yield session
 

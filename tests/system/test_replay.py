@@ -156,7 +156,7 @@ def test_a_robot_that_was_poked_from_outside_at_random_replays(
     plant = rig.plant("--progress", "--patience", "300ms", "--spool", str(spool))
     vandal = Vandal(rig, seed)
     eventually(lambda: said(plant))
-    with Terminal(rig_of(rig.scenario.values)) as terminal:
+    with Terminal(rig_of(rig.scenario)) as terminal:
         vandal.act(terminal, plant)
     plant.send_signal(signal.SIGINT)
     assert plant.wait(60) in (ExitCode.STOPPED, ExitCode.OK)

@@ -18,11 +18,11 @@ from typing import NamedTuple, Self
 from deploy.experiments.consensus.network import Case, Epoch
 from deploy.launch import machine
 from deploy.launch.processes import RunFailedError, end
-from deploy.launch.rigs import NoPortsError, claim
+from deploy.launch.rigs import NoPortsError, claim_ports
 from module_agent.firmware.controller import Candidate
 from module_agent.firmware.elector import RIG, joint
 from protocol.process.exit_codes import ExitCode
-from protocol.robot.scenario import ResolvedScenario, resolved
+from protocol.robot.scenario import RigSettings
 from protocol.wire.wiring import RUNTIME_THREADS
 
 BOARD_MB = 40
@@ -30,7 +30,8 @@ BOARD_MB = 40
 BOARDS_PER_CORE = 32
 """More would only wait for each other: a tick takes each of them over 0.1 ms of a core."""
 NAME = "measure-consensus"
-HOST, BASE_PORT = "127.0.0.1", 17_700
+HOST = "127.0.0.1"
+WANTED = RigSettings(name=RIG, host=HOST, base_port=17_700)
 
 
 class Vote(NamedTuple):
@@ -52,7 +53,10 @@ def boards_max() -> int:
 def play(case: Case) -> Generator[Epoch, None, None]:
     """Play a case, epoch by epoch. Raises `RunFailedError`."""
     try:
-        with claim(_placed(case.boards), Path()) as rig, Electors(case, rig) as electors:
+        with (
+            claim_ports(WANTED, case.boards + 1, Path(), name=NAME) as base_port,
+            Electors(case, base_port) as electors,
+        ):
             yield from electors.epochs()
     except NoPortsError as error:
         raise RunFailedError(ExitCode.NO_NETWORK, str(error)) from error
@@ -61,9 +65,9 @@ def play(case: Case) -> Generator[Epoch, None, None]:
 class Electors:
     """The boards of a case, as children of this process; a context that leaves none behind."""
 
-    def __init__(self, case: Case, rig: ResolvedScenario) -> None:
+    def __init__(self, case: Case, base_port: int) -> None:
         self.case = case
-        self.rig = rig
+        self.base_port = base_port
         self.children: list[subprocess.Popen[str]] = []
         self._lines: SimpleQueue[tuple[int, str]] = SimpleQueue()
         """What the boards write, each with its index; empty when a board has no more to say."""
@@ -105,7 +109,7 @@ class Electors:
                 yield _together(number, votes.pop(number))
 
     def _start(self, board: int) -> None:
-        case, rig = self.case, self.rig.values["rig"]
+        case = self.case
         options = {
             "board": board,
             "neighbours": ",".join(map(str, case.near[board])),
@@ -115,8 +119,8 @@ class Electors:
             "epochs": case.epochs,
             "seed": case.seed,
             "loss": case.loss,
-            "host": rig["host"],
-            "base-port": rig["base_port"],
+            "host": HOST,
+            "base-port": self.base_port,
         }
         words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
         child = subprocess.Popen(
@@ -146,14 +150,6 @@ class Electors:
         if code != ExitCode.OK:
             line = self._complaints.get(board, f"{joint(board)} ended with code {code}")
             raise RunFailedError(ExitCode.PEER_LOST if code < 0 else code, line)
-
-
-def _placed(boards: int) -> ResolvedScenario:
-    """What `deploy.launch.rigs` has to know to find ports."""
-    rig = {"name": RIG, "host": HOST, "base_port": BASE_PORT}
-    return resolved(
-        {"name": NAME, "rig": rig, "board": [{"joint": joint(i)} for i in range(boards)]}
-    )
 
 
 def _together(number: int, votes: Sequence[Vote]) -> Epoch:

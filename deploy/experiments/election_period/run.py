@@ -89,7 +89,7 @@ def grid(values_s: Sequence[float], settings: Sequence[str]) -> list[Case]:
 def measure(case: Case) -> Result:
     """Run one case in the twin."""
     scenario = load(SCENARIO, case.all_settings)
-    run = trajectory(scenario.values, *run_twin(scenario))
+    run = trajectory(scenario, *run_twin(scenario))
     return Result(case.period_s, summary(run, mode="twin"))
 
 

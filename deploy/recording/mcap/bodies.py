@@ -12,7 +12,9 @@ from typing import Any
 from deploy.recording.epochs import Epochs
 from deploy.recording.fates import FrameOutcome
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
-from protocol.robot.scenario import ResolvedScenario, canonical
+from plant_server.spool.spool import recorded_scenario
+from protocol.robot.canonical_json import canonical_json
+from protocol.robot.scenario import Scenario, canonical
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import (
     LinkFrame,
@@ -28,29 +30,28 @@ Body = dict[str, Any]
 WHOLE_END = 2**63
 
 
-def of_scenario(scenario: ResolvedScenario) -> Body:
+def of_scenario(scenario: Scenario) -> Body:
     """What was run."""
-    run = scenario.values["run"]
+    run = scenario.run
     return {
-        "name": scenario.values["name"],
-        "seed": run["seed"],
+        "name": scenario.name,
+        "seed": run.seed,
         "joints": scenario.joints,
-        "tick_s": run["tick_s"],
+        "tick_s": run.tick_s,
         "digest": scenario.digest.hex(),
-        "resolved": canonical(scenario.values).decode(),
+        "resolved": canonical(scenario).decode(),
     }
 
 
-def to_scenario(body: Body) -> dict[str, Any]:
-    """Values of the resolved scenario."""
-    values: dict[str, Any] = json.loads(body["resolved"])
-    return values
+def to_scenario(body: Body) -> Scenario:
+    """What was run. Raises ValueError."""
+    return recorded_scenario(body["resolved"].encode())
 
 
 def of_facts(facts: dict[str, Any]) -> Body:
     """Facts of the run; those of older recordings may be missing."""
     told = {name: str(facts.get(name, "")) for name in ("mode", "started", "fingerprint")}
-    return {**told, "all": canonical(facts).decode()}
+    return {**told, "all": canonical_json(facts).decode()}
 
 
 def to_facts(body: Body) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from deploy.recording.mcap.schema import Kind
 from deploy.recording.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
+from protocol.robot.scenario import Scenario
 from protocol.wire.timing import Timing
 
 UNFINISHED = ".unfinished"
@@ -89,7 +90,7 @@ def _read(file: IO[bytes], reading: "_Reading") -> None:
 
 def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[int], None]) -> None:
     telling = RecordingMessages(spool, run)
-    tick_ns = spool.scenario["run"]["tick_s"] * 1e9
+    tick_ns = spool.scenario.run.tick_s * 1e9
     writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(library="decmesh")
     for name, data in _metadata(spool, telling.scenario.digest).items():
@@ -127,7 +128,7 @@ def _metadata(spool: Spool, digest: bytes) -> dict[str, dict[str, str]]:
             "format": FORMAT,
             "complete": str(spool.complete).lower(),
             "logical_sha256": logical_sha256(spool),
-            "scenario": str(spool.scenario["name"]),
+            "scenario": str(spool.scenario.name),
             "digest": digest.hex(),
             "ticks": str(max(0, spool.ticks[-1].tick + 1)),
         },
@@ -162,7 +163,7 @@ class _Reading:
 
     def __init__(self) -> None:
         self.metadata: dict[str, str] | None = None
-        self.scenario: dict[str, Any] = {}
+        self.scenario: Scenario | None = None
         self.facts: dict[str, Any] = {}
         self.ticks: list[TickRecord] = []
         self.walls: dict[int, Walls] = {}
@@ -178,6 +179,8 @@ class _Reading:
 
     def spool(self) -> Spool:
         """What has been read."""
+        if self.scenario is None:
+            raise NoRecordingError("it does not say what was run")
         walls = [self.walls.get(record.tick) for record in self.ticks]
         return Spool(
             self.scenario,
@@ -195,7 +198,7 @@ class _Reading:
         match kind:
             case schema.SCENARIO.name:
                 self.scenario = bodies.to_scenario(orjson.loads(data))
-                self._joints = [board["joint"] for board in self.scenario["board"]]
+                self._joints = self.scenario.joints
             case schema.FACTS.name:
                 self.facts = bodies.to_facts(orjson.loads(data))
             case schema.EVENT.name:

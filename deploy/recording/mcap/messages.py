@@ -28,7 +28,6 @@ from deploy.recording.trajectory import Trajectory
 from plant_server.record import TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
-from protocol.robot.scenario import resolved
 from protocol.wire.trace import LastWord, Trace, decode_told
 from protocol.wire.wiring import neighbours
 
@@ -92,7 +91,7 @@ class RecordingMessages:
 
     def __init__(self, spool: Spool, run: Trajectory) -> None:
         self.spool = spool
-        self.scenario = resolved(spool.scenario)
+        self.scenario = spool.scenario
         self.joints = self.scenario.joints
         cadence = cadence_of(spool.scenario)
         self.channels = channels(self.joints, in_realtime=cadence is not None)

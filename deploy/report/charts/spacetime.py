@@ -68,7 +68,7 @@ class Scene(NamedTuple):
     @property
     def joints(self) -> list[str]:
         """Names of the boards."""
-        return [board["joint"] for board in self.recording.trajectory.scenario["board"]]
+        return self.recording.trajectory.scenario.joints
 
 
 def telling_epoch(recording: Recording, epochs: Epochs) -> int:

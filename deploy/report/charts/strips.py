@@ -59,7 +59,7 @@ def limits(runs: Sequence[Strips]) -> Limits:
     every = [run.epochs for run in runs if run.epochs is not None]
     w_deg = np.concatenate([[1.0], *(np.degrees(found.w_rad).ravel() for found in every)])
     known = w_deg[np.isfinite(w_deg) & (w_deg > W_FLOOR_DEG)]
-    rounds = [run.recording.trajectory.scenario["election"]["rounds"] for run in runs]
+    rounds = [run.recording.trajectory.scenario.election.rounds for run in runs]
     low, high = float(known.min()), float(known.max())
     return Limits(end_s, (max(0.6 * low, W_FLOOR_DEG), 1.7 * high), max(rounds))
 
@@ -221,10 +221,8 @@ def _draw_rounds(axes: Axes, run: Strips, epochs: Epochs, shared: Limits) -> Non
 def _draw_missed(axes: Axes, run: Strips, shared_end_s: float) -> None:
     """One row per directed link: the darker, the more frames were lost or void."""
     trajectory, joints = run.recording.trajectory, _joints(run)
-    election = trajectory.scenario["election"]
-    bin_ticks = (
-        election["period_ticks"] if run.epochs else max(1, round(MISSED_BIN_S / _tick_s(run)))
-    )
+    election = trajectory.scenario.election
+    bin_ticks = election.period_ticks if run.epochs else max(1, round(MISSED_BIN_S / _tick_s(run)))
     pairs = sorted(run.recording.links)
     share = np.array([missed_share(run.recording.links[pair], bin_ticks) for pair in pairs])
     end_s = share.shape[1] * bin_ticks * _tick_s(run)
@@ -253,4 +251,4 @@ def _tick_s(run: Strips) -> float:
 
 
 def _joints(run: Strips) -> list[str]:
-    return [board["joint"] for board in run.recording.trajectory.scenario["board"]]
+    return run.recording.trajectory.scenario.joints

@@ -53,7 +53,7 @@ def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
 
 def _rounds_matrix(run: Run) -> Drawing:
     assert run.epochs is not None
-    rounds = run.recording.trajectory.scenario["election"]["rounds"]
+    rounds = run.recording.trajectory.scenario.election.rounds
     return charts.rounds_matrix(run.epochs, run.joints, rounds)
 
 

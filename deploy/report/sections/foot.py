@@ -54,8 +54,9 @@ def foot(runs: Sequence[Run], pictures: Pictures) -> list[Block]:
 def draw_foot(run: Run) -> Figure:
     """Draw the centre of pressure of one run over its time, within the sole."""
     trajectory = run.recording.trajectory
-    sole = trajectory.scenario["board"][0]["foot"]
-    ahead_mm, behind_mm = 1e3 * sole["ahead_m"], -1e3 * sole["behind_m"]
+    sole = trajectory.scenario.boards[0].foot
+    assert sole is not None, "only runs with a foot are drawn"
+    ahead_mm, behind_mm = 1e3 * sole.ahead_m, -1e3 * sole.behind_m
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), dpi=DOTS_PER_INCH, layout="constrained")
     axes = figure.subplots()
     axes.axhspan(behind_mm, ahead_mm, color=SOLE, linewidth=0)

@@ -8,7 +8,7 @@ Rule 1: faults of links are what the commands made of them, tick by tick; what b
 import math
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from deploy.outcome.drawing import spans
 from deploy.recording.trajectory import Trajectory
@@ -18,15 +18,14 @@ from deploy.report.words import (
     Pair,
     Words,
     faults_in_words,
-    joints_of,
     lanes_in_words,
     pairs_of,
     sides_in_words,
     title_of,
 )
 from plant_server.record import COMPLETE
-from plant_server.session.config import plant_config
 from protocol.robot.commands import PERFECT, LinkParameters, changed, concerns
+from protocol.robot.scenario import Scenario
 from protocol.robot.sensors import ALL, OK
 from protocol.robot.states import State
 
@@ -57,9 +56,9 @@ STATES = {
 """In which a board does not drive."""
 
 
-def absence(scenario: dict[str, Any]) -> str:
+def absence(scenario: Scenario) -> str:
     """Name what a board is that says nothing: in realtime it may be there, and too late."""
-    return "silent" if "realtime" in scenario else Kind.AWAY
+    return Kind.AWAY if scenario.realtime is None else "silent"
 
 
 class Span(NamedTuple):
@@ -109,7 +108,7 @@ def told(trajectory: Trajectory) -> list[Happening]:
 
 def _link_spans(trajectory: Trajectory) -> Iterator[Span]:
     """Join spans of links that have the same faults at the same time."""
-    joints = joints_of(trajectory.scenario)
+    joints = trajectory.scenario.joints
     alike: dict[tuple[int, int, LinkParameters], list[Pair]] = {}
     pairs = pairs_of(len(joints))
     for pair in pairs:
@@ -126,7 +125,7 @@ def _link_spans(trajectory: Trajectory) -> Iterator[Span]:
 
 def _faults(trajectory: Trajectory, pair: Pair) -> Iterator[tuple[int, int, LinkParameters]]:
     """From which tick to which a directed link had which faults."""
-    now = plant_config(trajectory.scenario).standing_links.get(pair, PERFECT)
+    now = trajectory.scenario.standing_link(*pair)
     since = 0
     for tick, event in trajectory.events:
         if event[0] not in {"link", "heal"} or not concerns(event, *pair):
@@ -143,7 +142,7 @@ def _faults(trajectory: Trajectory, pair: Pair) -> Iterator[tuple[int, int, Link
 def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
     """While a board did not drive, or there was none; a fault with its code."""
     away = absence(trajectory.scenario)
-    for board, joint in enumerate(joints_of(trajectory.scenario)):
+    for board, joint in enumerate(trajectory.scenario.joints):
         found = [
             Span(joint, first, end, kind, away if kind is Kind.AWAY else kind)
             for kind, state in STATES.items()
@@ -159,7 +158,7 @@ def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
 
 def _sensor_spans(trajectory: Trajectory) -> Iterator[Span]:
     """While a sensor was told to fail: until its time was over, or another command came."""
-    joints = joints_of(trajectory.scenario)
+    joints = trajectory.scenario.joints
     told = [
         (tick, *event[1:4], event[5]) for tick, event in trajectory.events if event[0] == "sensor"
     ]
@@ -184,7 +183,7 @@ def _failures(trajectory: Trajectory, board: int) -> Iterator[tuple[int, str]]:
 
 
 def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
-    joints, since, label = joints_of(trajectory.scenario), 0, ""
+    joints, since, label = trajectory.scenario.joints, 0, ""
     changes = [(tick, event[1]) for tick, event in trajectory.events if event[0] == "sides"]
     for tick, sides in [*changes, (trajectory.ticks, [])]:
         if label and tick > since:

@@ -33,7 +33,7 @@ from module_agent.firmware.own_time.sensing import RealtimeSensing
 from module_agent.firmware.own_time.view import RealtimeView
 from module_agent.firmware.sensing import Sensing
 from protocol.robot.cadence import Cadence
-from protocol.robot.clocks import STEADY
+from protocol.robot.hardware import STEADY
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, Neighbour, Observation, ProtocolError, Reason
 from protocol.wire.trace import LastWord, Mark, Taken

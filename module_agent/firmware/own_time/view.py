@@ -14,7 +14,7 @@ from module_agent.firmware.body_view import (
     BodyView,
     OwnTurns,
 )
-from module_agent.firmware.kinematics import Link
+from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK
 

@@ -372,7 +372,7 @@ def test_a_folder_without_a_recording_says_where_there_are_some(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"scenario": {}}, "its scenario has no 'board'"),
+        ({"scenario": {}}, "its scenario: object missing required field name"),
         ({"ticks": [], "walls": []}, "it ends before its first tick"),
         ({"ticks": [], "walls": [], "outcome": None}, "it ends before its first tick"),
     ],

@@ -23,7 +23,7 @@ DELAY_TICKS = 10
 @cache
 def run_of(source: str, *settings: str) -> Trajectory:
     scenario = load(source, list(settings))
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def lean_deg(run: Trajectory, since: int = 0) -> float:
@@ -79,7 +79,7 @@ def test_no_sensor_of_the_hardware_is_accused() -> None:
 def test_the_same_seed_is_the_same_run_and_another_is_another() -> None:
     def digest(seed: int) -> str:
         scenario = load("hardware", ["run.duration_s=0.5", f"run.seed={seed}"])
-        return trajectory(scenario.values, *run_twin(scenario)).state_sha256
+        return trajectory(scenario, *run_twin(scenario)).state_sha256
 
     assert digest(1) == digest(1)
     assert digest(1) != digest(2)

@@ -13,7 +13,7 @@ from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import available, load
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, fall_line
 from plant_server.session.control import ONE_WAY_AFTER_TICKS
-from protocol.robot.scenario import ResolvedScenario, ScenarioError
+from protocol.robot.scenario import Scenario, ScenarioError
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
 
@@ -27,11 +27,11 @@ OUT, BACK = 230, 470
 """Ticks in which a board goes and comes."""
 
 
-def scenario(*settings: str, source: str = "paper") -> ResolvedScenario:
+def scenario(*settings: str, source: str = "paper") -> Scenario:
     return load(source, ["run.duration_s=0.8", *settings])
 
 
-def swapped(board: int, how: str, *settings: str) -> ResolvedScenario:
+def swapped(board: int, how: str, *settings: str) -> Scenario:
     """A board goes at `OUT` and comes back at `BACK`."""
     joint = JOINTS[board]
     events = (
@@ -247,21 +247,21 @@ def test_a_push_acts_in_its_ticks_and_in_no_others() -> None:
 
 
 @cache
-def shipped(name: str) -> tuple[ResolvedScenario, list[TickRecord], Outcome, Trajectory]:
+def shipped(name: str) -> tuple[Scenario, list[TickRecord], Outcome, Trajectory]:
     whole = load(name)
     records, outcome = run_twin(whole)
-    return whole, records, outcome, trajectory(whole.values, records, outcome)
+    return whole, records, outcome, trajectory(whole, records, outcome)
 
 
 @pytest.mark.parametrize("name", available())
 def test_every_shipped_scenario_runs_to_its_end_and_can_be_summed_up(name: str) -> None:
     """Finite numbers, no refused answers, and only what is named for it falls."""
     whole, records, outcome, run = shipped(name)
-    assert whole.values["description"].endswith(".")
+    assert whole.description.endswith(".")
     assert outcome.ending == (FELL if name == "hotplug-limp" else COMPLETE)
     assert np.isfinite(run.angles_rad).all()
     assert np.isfinite(run.rates_rad_s).all()
-    warm_up_ticks = max(board["lumped_delay_ticks"] for board in whole.values["board"])
+    warm_up_ticks = max(board.lumped_delay_ticks for board in whole.boards)
     assert [r.tick for r in records] == list(range(-warm_up_ticks, outcome.tick))
     assert summary(run, mode="twin")["state_sha256"] == run.state_sha256
 
@@ -292,7 +292,7 @@ def test_another_seed_is_another_run_where_there_is_chance(name: str) -> None:
 def test_hotplug_limp_falls_and_says_when_and_why() -> None:
     whole, _, outcome, _ = shipped("hotplug-limp")
     assert 3000 < outcome.tick < 5000
-    line = fall_line(outcome, whole.values["run"]["tick_s"])
+    line = fall_line(outcome, whole.run.tick_s)
     time_s = f"{outcome.tick / 1000:.2f}"
     assert line == f"fell at {time_s} s; hip had had no board since 3.00 s and was limp"
 

@@ -11,10 +11,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from msgspec.structs import asdict, replace
 
 from deploy.launch import rigs
 from deploy.scenario_file.load import load
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 
 HOLDER = """
 import sys, time
@@ -22,7 +23,7 @@ from pathlib import Path
 from deploy.launch import rigs
 from deploy.scenario_file.load import load
 with rigs.claim(load("paper", [f"rig.base_port={sys.argv[1]}"]), Path()) as placed:
-    print(placed.values["rig"]["base_port"], flush=True)
+    print(placed.rig.base_port, flush=True)
     time.sleep(60)
 """
 
@@ -35,7 +36,7 @@ def runtime_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def scenario() -> ResolvedScenario:
+def scenario() -> Scenario:
     """The paper's, to be placed where this machine has room."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -43,12 +44,12 @@ def scenario() -> ResolvedScenario:
     return load("paper", [f"rig.base_port={min(port, 60_000)}"])
 
 
-def ports(placed: ResolvedScenario) -> set[int]:
-    base: int = placed.values["rig"]["base_port"]
+def ports(placed: Scenario) -> set[int]:
+    base = placed.rig.base_port
     return set(range(base, base + 1 + len(placed.joints)))
 
 
-def test_s3_two_claims_never_share_ports(scenario: ResolvedScenario, tmp_path: Path) -> None:
+def test_s3_two_claims_never_share_ports(scenario: Scenario, tmp_path: Path) -> None:
     """Also before either has opened a port: the lock is what counts."""
     with ExitStack() as stack:
         claimed = [ports(stack.enter_context(rigs.claim(scenario, tmp_path))) for _ in range(5)]
@@ -56,27 +57,27 @@ def test_s3_two_claims_never_share_ports(scenario: ResolvedScenario, tmp_path: P
 
 
 def test_a_claim_changes_where_a_robot_lives_and_not_what_it_is(
-    scenario: ResolvedScenario, tmp_path: Path
+    scenario: Scenario, tmp_path: Path
 ) -> None:
     with rigs.claim(scenario, tmp_path), rigs.claim(scenario, tmp_path) as second:
-        assert second.values["rig"] != scenario.values["rig"]
-        assert {**second.values, "rig": None} == {**scenario.values, "rig": None}
+        assert second.rig != scenario.rig
+        assert replace(second, rig=scenario.rig) == scenario
         assert second.digest == scenario.digest
 
 
 def test_the_rig_file_says_which_robot_it_is_and_goes_with_it(
-    scenario: ResolvedScenario, runtime_folder: Path, tmp_path: Path
+    scenario: Scenario, runtime_folder: Path, tmp_path: Path
 ) -> None:
     with rigs.claim(scenario, tmp_path / "run") as placed:
         (file,) = runtime_folder.iterdir()
         about = json.loads(file.read_text())
-        assert about.items() >= placed.values["rig"].items()
+        assert about.items() >= asdict(placed.rig).items()
         assert (about["scenario"], about["run"]) == ("paper", str(tmp_path / "run"))
     assert not list(runtime_folder.iterdir())
 
 
 def test_the_rig_file_goes_when_a_run_fails(
-    scenario: ResolvedScenario, runtime_folder: Path, tmp_path: Path
+    scenario: Scenario, runtime_folder: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(KeyboardInterrupt), rigs.claim(scenario, tmp_path):
         raise KeyboardInterrupt
@@ -84,9 +85,9 @@ def test_the_rig_file_goes_when_a_run_fails(
 
 
 def test_the_file_of_a_killed_process_means_nothing(
-    scenario: ResolvedScenario, runtime_folder: Path, tmp_path: Path
+    scenario: Scenario, runtime_folder: Path, tmp_path: Path
 ) -> None:
-    wanted = str(scenario.values["rig"]["base_port"])
+    wanted = str(scenario.rig.base_port)
     command = [sys.executable, "-c", HOLDER, wanted]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None
@@ -98,13 +99,13 @@ def test_the_file_of_a_killed_process_means_nothing(
     assert stale.exists()
     again = load("paper", [f"rig.base_port={held}"])
     with rigs.claim(again, tmp_path) as placed:
-        assert placed.values["rig"]["base_port"] == held
+        assert placed.rig.base_port == held
     assert not stale.exists()
 
 
 @pytest.mark.parametrize("content", ["", "{", "{}"])
 def test_a_robot_that_says_too_little_is_passed_over_all_the_same(
-    scenario: ResolvedScenario, runtime_folder: Path, tmp_path: Path, content: str
+    scenario: Scenario, runtime_folder: Path, tmp_path: Path, content: str
 ) -> None:
     with rigs.claim(scenario, tmp_path) as first:
         (file,) = runtime_folder.iterdir()
@@ -114,7 +115,7 @@ def test_a_robot_that_says_too_little_is_passed_over_all_the_same(
 
 
 def test_ports_that_somebody_else_listens_on_are_passed_over(
-    scenario: ResolvedScenario, tmp_path: Path
+    scenario: Scenario, tmp_path: Path
 ) -> None:
     with rigs.claim(scenario, tmp_path) as placed:
         taken = max(ports(placed))
@@ -137,17 +138,15 @@ def test_no_ports_at_all_is_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("apart", range(-3, 4))
-def test_claims_may_not_overlap_either(
-    scenario: ResolvedScenario, tmp_path: Path, apart: int
-) -> None:
-    base: int = scenario.values["rig"]["base_port"]
+def test_claims_may_not_overlap_either(scenario: Scenario, tmp_path: Path, apart: int) -> None:
+    base = scenario.rig.base_port
     near = load("paper", [f"rig.base_port={base + apart}"])
     with rigs.claim(scenario, tmp_path) as first, rigs.claim(near, tmp_path) as second:
         assert ports(first).isdisjoint(ports(second))
 
 
 def test_launchers_that_come_and_go_at_once_never_share_ports(
-    scenario: ResolvedScenario, tmp_path: Path
+    scenario: Scenario, tmp_path: Path
 ) -> None:
     """Eight of them, each many times; a port that two hold at a time would be seen twice."""
     held: set[int] = set()

@@ -8,12 +8,12 @@ import pytest
 from deploy.launch.twin import Twin, run_twin
 from deploy.scenario_file.load import load
 from plant_server.record import FELL, TickRecord
-from protocol.robot.scenario import ResolvedScenario
+from protocol.robot.scenario import Scenario
 
 pytestmark = pytest.mark.sampling
 
 
-def short(*settings: str) -> ResolvedScenario:
+def short(*settings: str) -> Scenario:
     return load("paper", ["run.duration_s=0.3", *settings])
 
 
@@ -73,5 +73,5 @@ def test_s21_a_fallen_body_ends_the_run() -> None:
     scenario = load("paper", ["board.0.servo.kp_nm_rad=0"])
     records, outcome = run_twin(scenario)
     assert outcome.ending == FELL
-    assert 0 < outcome.tick < scenario.values["run"]["ticks"]
+    assert 0 < outcome.tick < scenario.run.ticks
     assert records[-1].tick == outcome.tick - 1

@@ -20,7 +20,7 @@ ENDINGS = ("svg", "png", "pdf")
 
 def run(*overrides: str) -> Trajectory:
     scenario = load("paper", ["run.duration_s=0.5", *overrides])
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_many_links_are_drawn(tmp_path: Path) -> None:
     path = tmp_path / "nine.toml"
     path.write_text(f"[run]\nduration_s = 0.1\n[election]\nrounds = 8\n{boards}", encoding="utf-8")
     scenario = load(str(path))
-    assert panels(trajectory(scenario.values, *run_twin(scenario)), tmp_path / "nine")
+    assert panels(trajectory(scenario, *run_twin(scenario)), tmp_path / "nine")
 
 
 def test_poses_are_evenly_apart_and_hold_both_ends() -> None:

@@ -25,7 +25,7 @@ def played(*settings: str) -> tuple[Trajectory, tuple[float, ...]]:
     for record in twin.run():
         records.append(record)
         shown.append(twin.lockstep.body.foot_cop_m)
-    run = trajectory(scenario.values, records, twin.lockstep.outcome(1.0))
+    run = trajectory(scenario, records, twin.lockstep.outcome(1.0))
     return run, tuple(shown[-run.ticks :])
 
 

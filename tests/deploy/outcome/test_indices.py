@@ -1,10 +1,10 @@
 from dataclasses import replace
 from math import degrees, exp, pi, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from deploy.launch.twin import run_twin
 from deploy.outcome.indices import (
@@ -22,6 +22,8 @@ from deploy.outcome.indices import (
 )
 from deploy.recording.trajectory import Floats, Trajectory, trajectory
 from deploy.scenario_file.load import load
+from protocol.robot.hardware import Link
+from protocol.robot.scenario import Controls
 
 PENDULUM = """
 [election]
@@ -45,7 +47,7 @@ com_m = 0.5
 
 def run(source: str = "paper", *overrides: str) -> Trajectory:
     scenario = load(source, list(overrides))
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +178,7 @@ def test_variables_are_what_the_boards_themselves_control(second: Trajectory) ->
 
 
 def test_an_upright_body_has_its_centre_of_mass_where_the_masses_say() -> None:
-    boards = load("paper").values["board"]
+    boards = load("paper").boards
     upright = np.zeros((1, 3))
     # (10 x 0.25 + 10 x 0.75 + 30 x 1.25) / 50
     assert com_m(boards, upright).tolist() == [[0.0, 0.95]]
@@ -206,9 +208,12 @@ def test_a_chain_of_one_link_has_one_variable(
 
 
 def test_equal_names_stay_apart(second: Trajectory) -> None:
-    scenario = {**second.scenario, "link_names": ["trunk", "trunk", "trunk"]}
-    boards = [{**board, "controls": "link-orientation"} for board in second.scenario["board"]]
-    found = controlled_variables(replace(second, scenario={**scenario, "board": boards}))
+    same = tuple(
+        structs.replace(board, controls=Controls.LINK_ORIENTATION)
+        for board in second.scenario.boards
+    )
+    scenario = structs.replace(second.scenario, boards=same, link_names=("trunk",) * 3)
+    found = controlled_variables(replace(second, scenario=scenario))
     assert [variable.name for variable in found] == [
         "TS",
         "knee/link-orientation",
@@ -229,7 +234,7 @@ def test_energy_of_a_known_motion(second: Trajectory) -> None:
 def test_net_energy_is_what_the_body_gained(second: Trajectory) -> None:
     """What the joints gave is in the body: potential and kinetic, friction there is none."""
     upright, bow = second.orientations_rad[-1:], second.orientations_rad[:1]
-    boards = second.scenario["board"]
+    boards = second.scenario.boards
     height_m = com_m(boards, upright)[0, 1] - com_m(boards, bow)[0, 1]
     gained_j = 50.0 * 9.81 * height_m + kinetic_j(second)
     # The step of the integrator, held torques included, conserves energy to its fourth order.
@@ -238,21 +243,21 @@ def test_net_energy_is_what_the_body_gained(second: Trajectory) -> None:
 
 def kinetic_j(trajectory_: Trajectory) -> float:
     """Kinetic energy at the end, by finite difference of each link's centre of mass."""
-    boards, step_s = trajectory_.scenario["board"], 1e-6
+    boards, step_s = trajectory_.scenario.boards, 1e-6
     now = trajectory_.orientations_rad[-1:]
     rates = np.cumsum(trajectory_.rates_rad_s[-1:], axis=1)
     energy_j = 0.0
     for i, board in enumerate(boards):
-        link: dict[str, Any] = board["link"]
+        link = board.link
 
-        def centre(angles: Floats, link: dict[str, Any] = link, i: int = i) -> Floats:
+        def centre(angles: Floats, link: Link = link, i: int = i) -> Floats:
             direction = np.array([np.sin(angles[0, i]), np.cos(angles[0, i])])
-            lower: Floats = joint_positions_m(boards, angles)[0, i] + link["com_m"] * direction
+            lower: Floats = joint_positions_m(boards, angles)[0, i] + link.com_m * direction
             return lower
 
         speed = (centre(now + step_s * rates) - centre(now)) / step_s
-        energy_j += 0.5 * link["mass_kg"] * float(speed @ speed)
-        energy_j += 0.5 * link["inertia_kg_m2"] * float(rates[0, i]) ** 2
+        energy_j += 0.5 * link.mass_kg * float(speed @ speed)
+        energy_j += 0.5 * link.inertia_kg_m2 * float(rates[0, i]) ** 2
     return energy_j
 
 
@@ -319,7 +324,8 @@ def test_rounds_and_enabled_boards_of_hand_made_epochs(second: Trajectory) -> No
         ([[9, 5, 2], [9, 9, 5], [9, 9, 9]], [[0, 1, 2], [0, 0, 1], [0, 0, 0]], [0, 0, 0]),
         ([[9, 5, 2], [9, 9, 5], [9, 9, 5]], [[0, 1, 2], [0, 0, 1], [0, 0, 1]], [1, 1, 1]),
     ]
-    scenario = {**second.scenario, "election": {"enabled": True, "period_ticks": 4, "rounds": 2}}
+    election = structs.replace(second.scenario.election, enabled=True, period_ticks=4, rounds=2)
+    scenario = structs.replace(second.scenario, election=election)
     found = elections(
         replace(
             cut(second, 16),

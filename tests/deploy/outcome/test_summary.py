@@ -25,7 +25,7 @@ def second() -> Trajectory:
 
 def run(*overrides: str) -> Trajectory:
     scenario = load("paper", ["run.duration_s=1", "run.seed=7", *overrides])
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def test_it_says_what_was_run_and_what_came_out(second: Trajectory) -> None:

@@ -19,7 +19,7 @@ from deploy.scenario_file.load import load
 
 def run(*overrides: str) -> Summary:
     scenario = load("paper", ["run.duration_s=0.5", *overrides])
-    return summary(trajectory(scenario.values, *run_twin(scenario)), mode="twin")
+    return summary(trajectory(scenario, *run_twin(scenario)), mode="twin")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from tests.realtime.robot import Host, RealtimeRobot
 
 def run(name: str, *settings: str) -> Trajectory:
     scenario = load(name, list(settings))
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def found(run: Trajectory) -> Epochs:
@@ -39,7 +39,7 @@ def test_an_epoch_counts_when_its_last_round_was_played() -> None:
 
 def test_known_after_is_what_a_walk_through_the_rounds_finds(lossy: Trajectory) -> None:
     """The same law said again, one board, one round at a time."""
-    every, rounds = found(lossy), lossy.scenario["election"]["rounds"]
+    every, rounds = found(lossy), lossy.scenario.election.rounds
     for row, first in enumerate(every.first_tick):
         began = list(zip(lossy.urgency[first], lossy.candidate[first], strict=True))
         most = max(began)

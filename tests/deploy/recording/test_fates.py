@@ -9,7 +9,6 @@ from deploy.recording.fates import FrameOutcome
 from deploy.recording.frame_fate import NEVER, FrameFate
 from deploy.recording.reconstruction import Reconstruction
 from plant_server.spool.spool import Spool
-from protocol.robot.scenario import resolved
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import CRC_BYTES, TorqueFrame, decode, encode
 from protocol.wire.wiring import neighbours
@@ -20,7 +19,7 @@ Frames = dict[tuple[int, int, int], FrameOutcome]
 
 def follow(of: Spool) -> Frames:
     """By sender, receiver and tick said; each settled once."""
-    told = Reconstruction(resolved(of.scenario))
+    told = Reconstruction(of.scenario)
     found: Frames = {}
 
     def keep(settled: list[FrameOutcome]) -> None:
@@ -135,7 +134,7 @@ def test_a_pulled_board_says_nothing_and_hears_nothing() -> None:
 
 @pytest.mark.parametrize("name", SHORT)
 def test_s22_what_is_told_of_a_frame_has_the_crc_of_its_receipt(name: str) -> None:
-    told = Reconstruction(resolved(spool(name).scenario))
+    told = Reconstruction(spool(name).scenario)
     for record in spool(name).ticks:
         tick = told.tick(record)
         for (sender, receiver), said in tick.links.items():
@@ -157,7 +156,7 @@ def test_s22_a_frame_that_is_not_what_its_sender_said_is_not_told() -> None:
         frame = decode(TorqueFrame, knee)
         links = tuple(use._replace(sent_crc=use.sent_crc ^ 1) for use in frame.links)
         ticks.append(record._replace(answers=(ankle, encode(frame._replace(links=links)), hip)))
-    told = Reconstruction(resolved(of.scenario))
+    told = Reconstruction(of.scenario)
     for record in ticks:
         assert set(told.tick(record).links) == {(0, 1), (2, 1)}
     assert follow(of._replace(ticks=ticks)) == frames("paper")
@@ -173,7 +172,7 @@ def test_refusals_by_the_network_are_those_beyond_the_models() -> None:
         if record.tick >= 100 and frame.counter == counter:
             frame = frame._replace(counted=frame.counted + 3)
         ticks.append(record._replace(answers=(ankle, encode(frame), hip)))
-    told = Reconstruction(resolved(of.scenario))
+    told = Reconstruction(of.scenario)
     for record in ticks:
         told.tick(record)
     assert [told.refused_by_network(board) for board in range(3)] == [{}, {"tick": 3}, {}]

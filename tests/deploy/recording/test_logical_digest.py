@@ -3,8 +3,10 @@
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from deploy.recording.logical_digest import logical_sha256
+from protocol.robot.scenario import RigSettings
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import TorqueFrame, decode, encode
 from tests.deploy.spools import SHORT, opened_ns, spool, timed
@@ -19,7 +21,8 @@ def test_it_is_the_same_for_the_same_run_and_differs_for_others() -> None:
 def test_clocks_hosts_and_places_have_no_part_in_it() -> None:
     of = spool("storm")
     assert of.outcome is not None
-    scenario = {**of.scenario, "rig": {"name": "other", "host": "::1", "base_port": 1}}
+    rig = RigSettings(name="other", host="::1", base_port=1024)
+    scenario = replace(of.scenario, rig=rig)
     other = timed(of)._replace(scenario=scenario, outcome=of.outcome._replace(wall_s=9.0))
     assert opened_ns(0) > 0
     assert logical_sha256(other) == logical_sha256(of)

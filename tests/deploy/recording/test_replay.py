@@ -48,7 +48,7 @@ def test_any_death_at_any_moment_is_replayed(seed: int) -> None:
     robot = Robot(drawn._replace(rates=drawn.rates._replace(blindness=0.0)))
     ticks = [robot.tick() for _ in range(drawn.faulty_ticks)]
     recorded = spool()._replace(
-        scenario=drawn.scenario.values,
+        scenario=drawn.scenario,
         ticks=ticks,
         walls=[None] * len(ticks),
         outcome=robot.lockstep.outcome(0.0, "stopped"),

@@ -1,24 +1,21 @@
 """Hardware of boards in a scenario: what it becomes, and what is wrong with it."""
 
 from math import pi, radians
-from typing import Any
 
 import pytest
 
 from deploy.scenario_file.load import load
 from module_agent.firmware.config import board_config
-from plant_server.hardware.data_sheets import IDEAL
 from plant_server.session.config import plant_config
-from protocol.robot.clocks import STEADY
-from protocol.robot.scenario import ScenarioError
+from protocol.robot.hardware import IDEAL, STEADY, FootSheet
+from protocol.robot.scenario import BoardSettings, ScenarioError, ScenarioEvent
 from protocol.robot.sensors import EXACT
 
 KNEE, HIP = 1, 2
 
 
-def board(index: int, *settings: str) -> dict[str, Any]:
-    found: dict[str, Any] = load("paper", list(settings)).values["board"][index]
-    return found
+def board(index: int, *settings: str) -> BoardSettings:
+    return load("paper", list(settings)).boards[index]
 
 
 def complaints(*settings: str) -> list[str]:
@@ -28,15 +25,15 @@ def complaints(*settings: str) -> list[str]:
 
 
 def test_everything_is_ideal_unless_a_table_says_otherwise() -> None:
-    values = load("paper").values
-    plant = plant_config(values)
+    scenario = load("paper")
+    plant = plant_config(scenario)
     assert set(plant.sensor_sheets) == {EXACT}
     assert set(plant.clock_sheets) == {STEADY}
     assert set(plant.motor_sheets) == {IDEAL}
     assert set(plant.passive) == {None}
     assert plant.foot is None
     for joint in plant.joints:
-        firmware = board_config(values, joint)
+        firmware = board_config(scenario, joint)
         assert (firmware.clock, firmware.sensor_sheet) == (STEADY, EXACT)
         assert firmware.torque_rate_nm_s is None
 
@@ -48,7 +45,7 @@ def test_everything_is_ideal_unless_a_table_says_otherwise() -> None:
         ("clock.jitter_ms=0.5", "clock", "jitter_s", 5e-4),
         ("clock.start_up_ms=120", "clock", "start_up_ticks", 120),
         ("clock.start_up_jitter_ms=30", "clock", "start_up_jitter_ticks", 30),
-        ("clock.overrun_at_s=[0.5, 0.1, 0.5]", "clock", "overrun_ticks", [100, 500]),
+        ("clock.overrun_at_s=[0.5, 0.1, 0.5]", "clock", "overrun_ticks", (100, 500)),
         ("sensors.encoder_bits=12", "sensors", "encoder_step_rad", 2.0 * pi / 4096),
         ("sensors.encoder_bits=0", "sensors", "encoder_step_rad", 0.0),
         ("sensors.encoder_offset_deg=2", "sensors", "encoder_offset_rad", radians(2.0)),
@@ -70,8 +67,9 @@ def test_everything_is_ideal_unless_a_table_says_otherwise() -> None:
 def test_resolved_values_are_in_si_and_whole_ticks(
     setting: str, table: str, key: str, value: object
 ) -> None:
-    assert board(KNEE, f"board.1.{setting}")[table][key] == value
-    assert board(HIP, f"board.1.{setting}")[table] == board(HIP)[table], "of that board alone"
+    knee, hip = load("paper", [f"board.1.{setting}"]).boards[1:]
+    assert getattr(getattr(knee, table), key) == value
+    assert getattr(hip, table) == getattr(board(HIP), table), "of that board alone"
 
 
 @pytest.mark.parametrize(
@@ -84,16 +82,17 @@ def test_resolved_values_are_in_si_and_whole_ticks(
     ],
 )
 def test_an_imu_has_noise_and_bias_if_there_is_one(key: str, resolved: str) -> None:
-    assert board(HIP, f"board.2.sensors.{key}=0.5")["sensors"][resolved] == radians(0.5)
+    sensors = board(HIP, f"board.2.sensors.{key}=0.5").sensors
+    assert getattr(sensors, resolved) == radians(0.5)
     (complaint,) = complaints(f"board.1.sensors.{key}=0.5")
     assert complaint == f"board.1.sensors.{key}: this board has no IMU; say imu = true"
 
 
 def test_the_foot_is_the_ankles() -> None:
     sole = ("foot.ahead_m=0.2", "foot.behind_m=0.06")
-    found = load("paper", [f"board.0.{key}" for key in sole]).values
-    assert found["board"][0]["foot"] == {"ahead_m": 0.2, "behind_m": 0.06}
-    assert plant_config(found).foot == (0.2, 0.06)
+    found = load("paper", [f"board.0.{key}" for key in sole])
+    assert found.boards[0].foot == FootSheet(ahead_m=0.2, behind_m=0.06)
+    assert plant_config(found).foot == found.boards[0].foot
     (complaint,) = complaints(*(f"board.1.{key}" for key in sole))
     assert complaint.startswith("board.1.foot: only the lowest board, board.0, stands on")
 
@@ -169,7 +168,7 @@ def event(**values: object) -> str:
     ],
 )
 def test_a_sensor_fails_on_schedule(values: dict[str, object], command: list[object]) -> None:
-    assert load("paper", [event(**values)]).values["event"] == [[1000, command]]
+    assert load("paper", [event(**values)]).events == (ScenarioEvent(1000, command),)
 
 
 @pytest.mark.parametrize(
@@ -202,6 +201,6 @@ def test_a_sensor_that_cannot_fail_so_is_refused(values: dict[str, object], comp
 
 
 def test_a_gyroscope_is_there_where_the_rate_is_not_the_encoders() -> None:
-    assert load("paper", [event(sensor="gyroscope")]).values["event"]
+    assert load("paper", [event(sensor="gyroscope")]).events
     (found,) = complaints(event(sensor="gyroscope"), "board.1.sensors.joint_rate=encoder")
     assert found == "event.0.sensor: knee has no gyroscope"

@@ -1,15 +1,15 @@
 """Controllers from outside, as a scenario names them: found, tried, hashed, and run."""
 
-import json
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from deploy.launch.twin import run_twin
 from deploy.outcome.summary import summary
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
-from protocol.robot.scenario import ScenarioError, canonical, resolved
+from protocol.robot.scenario import ScenarioError
 from tests.module_agent.outside import ELECTION, SERVO
 
 WORKS = SERVO.format(body="return -100.0 * seen.error_rad")
@@ -30,7 +30,7 @@ def mine(folder: Path, *settings: str, lines: str = "") -> Trajectory:
     text = f'{lines}\nextends = "paper"\n'
     (folder / "mine.toml").write_text(text, encoding="utf-8")
     scenario = load(str(folder / "mine.toml"), [*settings, SHORT])
-    return trajectory(scenario.values, *run_twin(scenario))
+    return trajectory(scenario, *run_twin(scenario))
 
 
 def complaints(folder: Path, *settings: str) -> list[str]:
@@ -45,9 +45,12 @@ def classes(folder: Path, *settings: str, lines: str = "") -> tuple[list[str | N
     """Of each board, and of the election."""
     text = f'extends = "paper"\n{lines}\n'
     (folder / "mine.toml").write_text(text, encoding="utf-8")
-    values = load(str(folder / "mine.toml"), list(settings)).values
-    servos = [board["controller"] and board["controller"]["class"] for board in values["board"]]
-    return servos, values["election"]["rule"] and values["election"]["rule"]["class"]
+    scenario = load(str(folder / "mine.toml"), list(settings))
+    *servos, rule = [
+        None if named is None else named.reference
+        for named in (*(board.controller for board in scenario.boards), scenario.election.rule)
+    ]
+    return servos, rule
 
 
 # --- What a scenario may say ---------------------------------------------------------------------
@@ -56,10 +59,10 @@ MINE, THEIRS = "my_servo:Mine", "my_election:Mine"
 
 
 def test_nothing_said_is_ours() -> None:
-    values = load("paper").values
-    assert [board["controller"] for board in values["board"]] == [None] * 3
-    assert values["election"]["rule"] is None
-    assert values["rig"]["sources"] == {}
+    scenario = load("paper")
+    assert [board.controller for board in scenario.boards] == [None] * 3
+    assert scenario.election.rule is None
+    assert scenario.rig.sources == {}
 
 
 @pytest.mark.parametrize(
@@ -97,9 +100,10 @@ def test_an_election_has_one_spelling_and_a_short_one(
     """The short one leaves the rest of the table as it is, also of a file that is extended."""
     (folder / "slow.toml").write_text('extends = "paper"\n[election]\nperiod_s = 0.2\n')
     (folder / "mine.toml").write_text(f'extends = "{folder}/slow.toml"\n{lines}\n')
-    values = load(str(folder / "mine.toml"), list(settings)).values
-    assert values["election"]["rule"]["class"] == THEIRS
-    assert values["election"]["period_ticks"] == 200
+    election = load(str(folder / "mine.toml"), list(settings)).election
+    assert election.rule is not None
+    assert election.rule.reference == THEIRS
+    assert election.period_ticks == 200
 
 
 def test_a_file_is_found_beside_the_scenario_that_names_it(folder: Path) -> None:
@@ -108,18 +112,18 @@ def test_a_file_is_found_beside_the_scenario_that_names_it(folder: Path) -> None
     elsewhere = folder / "elsewhere"
     elsewhere.mkdir()
     (elsewhere / "more.toml").write_text(f'extends = "{folder}/mine.toml"\n')
-    values = load(str(elsewhere / "more.toml")).values
-    assert values["rig"]["sources"] == {"my_servo": str(folder / "my_servo.py")}
+    scenario = load(str(elsewhere / "more.toml"))
+    assert scenario.rig.sources == {"my_servo": str(folder / "my_servo.py")}
 
 
 def test_a_file_is_found_in_the_working_folder_and_where_python_looks(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    assert load("paper", [f"controller={MINE}"]).values["rig"]["sources"] == {
+    assert load("paper", [f"controller={MINE}"]).rig.sources == {
         "my_servo": str(folder / "my_servo.py")
     }
-    ours = load("paper", ["controller=module_agent.firmware.servo:Servo"]).values["rig"]["sources"]
+    ours = load("paper", ["controller=module_agent.firmware.servo:Servo"]).rig.sources
     assert ours["module_agent.firmware.servo"].endswith("module_agent/firmware/servo.py")
 
 
@@ -231,10 +235,11 @@ def test_the_digest_covers_the_file_but_not_where_it_lies(folder: Path) -> None:
 
 def test_a_twin_of_a_recorded_scenario_wants_the_file_that_was_meant(folder: Path) -> None:
     scenario = load(str(folder / "mine.toml"), [f"controller={MINE}"])
-    values = json.loads(canonical(scenario.values))
-    values["board"][0]["controller"]["sha256"] = "0" * 64
+    ankle, *others = scenario.boards
+    assert ankle.controller is not None
+    other = replace(ankle, controller=replace(ankle.controller, sha256="0" * 64))
     with pytest.raises(ScenarioError, match=r"my_servo\.py: has changed since"):
-        run_twin(resolved(values))
+        run_twin(replace(scenario, boards=(other, *others)))
 
 
 # --- A run ---------------------------------------------------------------------------------------

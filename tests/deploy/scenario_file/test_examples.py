@@ -21,12 +21,12 @@ pytestmark = pytest.mark.slow
 @cache
 def run(scenario: str, *settings: str) -> Trajectory:
     resolved = load(scenario, list(settings))
-    return trajectory(resolved.values, *run_twin(resolved))
+    return trajectory(resolved, *run_twin(resolved))
 
 
 def winners(moved: Trajectory) -> list[int]:
     """Which board is enabled at the end of each epoch."""
-    period = moved.scenario["election"]["period_ticks"]
+    period = moved.scenario.election.period_ticks
     enabled = moved.enabled[period - 1 :: period]
     assert (enabled.sum(axis=1) == 1).all()
     return [int(row.argmax()) for row in enabled]
@@ -41,7 +41,7 @@ def switches(moved: Trajectory) -> list[int]:
 def test_hysteresis_switches_only_to_a_board_that_is_worse_by_the_margin() -> None:
     """Never sooner, and then at once; what each board claims is on the wire at round 0."""
     moved = run("hysteresis")
-    period = moved.scenario["election"]["period_ticks"]
+    period = moved.scenario.election.period_ticks
     won = winners(moved)
     for epoch in range(1, len(won)):
         claims = moved.urgency[epoch * period]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from deploy.scenario_file.load import SCENARIOS, available, load
-from protocol.robot.scenario import ScenarioError, canonical
+from protocol.robot.scenario import ScenarioError, canonical, decode
 
 PAPER = (SCENARIOS / "paper.toml").read_text(encoding="utf-8")
 
@@ -173,7 +173,7 @@ def test_s3_a_robot_needs_ports_for_all_of_its_boards(tmp_path: Path) -> None:
 def test_one_value_is_changed_by_its_path(
     setting: str, path: tuple[str | int, ...], value: object
 ) -> None:
-    place: Any = load("paper", [setting]).values
+    place: Any = json.loads(canonical(load("paper", [setting])))
     for key in path:
         place = place[key]
     assert place == value
@@ -188,41 +188,41 @@ def test_a_path_that_leads_nowhere_is_one_line(setting: str) -> None:
 
 
 def test_later_settings_win() -> None:
-    assert load("paper", ["run.seed=2", "run.seed=3"]).values["run"]["seed"] == 3
+    assert load("paper", ["run.seed=2", "run.seed=3"]).run.seed == 3
 
 
 def test_resolved_values_are_in_si_and_whole_ticks() -> None:
-    values = load("paper", ["run.tick_ms=0.5", "board.1.reference_deg=5"]).values
-    run, election, knee = values["run"], values["election"], values["board"][1]
-    assert (run["ticks"], run["tick_s"]) == (20_000, 0.0005)
-    assert (election["period_ticks"], election["rounds"]) == (200, 2)
-    assert knee["lumped_delay_ticks"] == 20
-    assert knee["initial_rad"] == radians(-8.0)
-    assert knee["reference_rad"] == radians(5.0)
+    scenario = load("paper", ["run.tick_ms=0.5", "board.1.reference_deg=5"])
+    run, election, knee = scenario.run, scenario.election, scenario.boards[1]
+    assert (run.ticks, run.tick_s) == (20_000, 0.0005)
+    assert (election.period_ticks, election.rounds) == (200, 2)
+    assert knee.lumped_delay_ticks == 20
+    assert knee.initial_rad == radians(-8.0)
+    assert knee.reference_rad == radians(5.0)
     # What a user gives per unit of K_p, the servo takes in torque.
-    assert knee["servo"]["ki_nm_rad_s"] == 0.2 * 220.72
-    assert values["link_names"] == ["shank", "thigh", "trunk"]
+    assert knee.servo.ki_nm_rad_s == 0.2 * 220.72
+    assert scenario.link_names == ("shank", "thigh", "trunk")
 
 
 def test_a_link_is_a_slender_rod_unless_it_says_otherwise() -> None:
     """m l^2 / 12, also with its centre of mass elsewhere than in the middle."""
-    links = [board["link"] for board in load("paper", ["board.0.link.com_m=0.1"]).values["board"]]
+    links = [board.link for board in load("paper", ["board.0.link.com_m=0.1"]).boards]
     expected = [10 * 0.25 / 12, 10 * 0.25 / 12, 30 * 0.25 / 12]
-    assert [link["inertia_kg_m2"] for link in links] == expected
-    given = load("paper", ["board.0.link.inertia_kg_m2=0.5"]).values["board"][0]["link"]
-    assert given["inertia_kg_m2"] == 0.5
+    assert [link.inertia_kg_m2 for link in links] == expected
+    given = load("paper", ["board.0.link.inertia_kg_m2=0.5"]).boards[0].link
+    assert given.inertia_kg_m2 == 0.5
 
 
 def test_the_papers_table_1_is_kept_as_printed() -> None:
-    boards = load("paper").values["board"]
-    assert [board["joint"] for board in boards] == ["ankle", "knee", "hip"]
-    servos, links = [board["servo"] for board in boards], [board["link"] for board in boards]
-    assert [servo["kp_nm_rad"] for servo in servos] == [465.98, 220.72, 73.57]
-    assert [servo["kd_nm_s_rad"] for servo in servos] == [116.49, 16.55, 18.394]
-    assert [servo["g_servo"] for servo in servos] == [1.0, 1.0, 1.0]
-    assert [link["mass_kg"] for link in links] == [10.0, 10.0, 30.0]
-    assert [(link["length_m"], link["com_m"]) for link in links] == [(0.5, 0.25)] * 3
-    assert [board["lumped_delay_ticks"] for board in boards] == [10, 10, 10]
+    boards = load("paper").boards
+    assert [board.joint for board in boards] == ["ankle", "knee", "hip"]
+    servos, links = [board.servo for board in boards], [board.link for board in boards]
+    assert [servo.kp_nm_rad for servo in servos] == [465.98, 220.72, 73.57]
+    assert [servo.kd_nm_s_rad for servo in servos] == [116.49, 16.55, 18.394]
+    assert [servo.g_servo for servo in servos] == [1.0, 1.0, 1.0]
+    assert [link.mass_kg for link in links] == [10.0, 10.0, 30.0]
+    assert [(link.length_m, link.com_m) for link in links] == [(0.5, 0.25)] * 3
+    assert [board.lumped_delay_ticks for board in boards] == [10, 10, 10]
 
 
 def test_s23_the_digest_is_of_what_the_scenario_means(tmp_path: Path) -> None:
@@ -241,12 +241,12 @@ def test_s23_the_digest_is_of_what_the_scenario_means(tmp_path: Path) -> None:
 def test_a_body_may_have_any_number_of_links(links: int, tmp_path: Path) -> None:
     found = load(written(tmp_path, robot(links, f"[election]\nrounds = {max(links - 1, 1)}\n")))
     assert found.joints == [f"j{i}" for i in range(links)]
-    assert found.values["name"] == "mine"
-    assert [board["imu"] for board in found.values["board"]] == [False] * (links - 1) + [True]
+    assert found.name == "mine"
+    assert [board.imu for board in found.boards] == [False] * (links - 1) + [True]
 
 
 @pytest.mark.parametrize("name", available())
 def test_every_scenario_that_comes_along_is_fine_and_says_what_it_shows(name: str) -> None:
     found = load(name)
-    assert len(found.values["description"]) > 20
-    assert json.loads(canonical(found.values)) == found.values
+    assert len(found.description) > 20
+    assert decode(canonical(found)) == found

@@ -13,12 +13,12 @@ def test_a_scenario_of_lockstep_has_nothing_of_it() -> None:
     """So its digest, and every frame of it, is what it was before there was another mode."""
     plain = load("paper")
     assert load("paper", ["realtime.rate_hz=100", "board.0.rate_hz=250"]).digest == plain.digest
-    assert cadence_of(plain.values) is None
-    assert "pace" not in plain.values["run"]
+    assert cadence_of(plain) is None
+    assert plain.run.pace is None
 
 
 def test_rates_become_whole_ticks() -> None:
-    found = cadence_of(load("paper", [REALTIME, "board.2.rate_hz=250"]).values)
+    found = cadence_of(load("paper", [REALTIME, "board.2.rate_hz=250"]))
     assert found == Cadence(
         ticks_per_period=(2, 2, 4),
         ticks_per_round=8,
@@ -28,14 +28,14 @@ def test_rates_become_whole_ticks() -> None:
         catches_up=False,
     )
     fine = [REALTIME, "run.tick_ms=0.5", "realtime.missed=catch-up"]
-    fast = cadence_of(load("paper", fine).values)
+    fast = cadence_of(load("paper", fine))
     assert fast is not None
     assert fast.ticks_per_period == (4, 4, 4)
     assert fast.catches_up
 
 
 def test_a_pace_is_kept() -> None:
-    assert load("paper", ["run.pace=0.25"]).values["run"]["pace"] == 0.25
+    assert load("paper", ["run.pace=0.25"]).run.pace == 0.25
 
 
 @pytest.mark.parametrize(

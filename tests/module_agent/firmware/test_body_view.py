@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from module_agent.firmware.body_view import FORGET_EVERY_TICKS, BodySample, BodyView, OwnTurns, Turn
-from module_agent.firmware.kinematics import NOTHING, Link, Supported, add_link
+from module_agent.firmware.kinematics import NOTHING, Supported, add_link
+from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame
 

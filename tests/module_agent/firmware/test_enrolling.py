@@ -20,7 +20,7 @@ EVERY_S = 0.125
 
 def knee() -> Enrolling:
     scenario = load("paper")
-    return Enrolling(board_config(scenario.values, "knee"), scenario, rig="robot")
+    return Enrolling(board_config(scenario, "knee"), scenario, rig="robot")
 
 
 def ask(one: Enrolling, now_s: float) -> bytes:

@@ -5,15 +5,10 @@ from math import cos, pi, sin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from module_agent.firmware.kinematics import (
-    NOTHING,
-    Link,
-    Supported,
-    add_link,
-    carried_rigidly,
-    shape_of,
-)
+from module_agent.firmware.kinematics import NOTHING, Supported, add_link, carried_rigidly, shape_of
+from protocol.robot.hardware import Link
 
 pytestmark = pytest.mark.sampling
 
@@ -115,7 +110,7 @@ def test_a_shape_that_has_not_turned_is_where_it_was(
 @LAW
 @given(LIMBS, st.floats(0.1, 10.0))
 def test_only_ratios_of_masses_matter(limbs: list[Limb], factor: float) -> None:
-    scaled = [(link._replace(mass_kg=factor * link.mass_kg), a, r) for link, a, r in limbs]
+    scaled = [(replace(link, mass_kg=factor * link.mass_kg), a, r) for link, a, r in limbs]
     assert lumped(scaled)[1:] == pytest.approx(lumped(limbs)[1:], abs=1e-11)
     assert lumped(scaled).mass_kg == pytest.approx(factor * lumped(limbs).mass_kg)
 

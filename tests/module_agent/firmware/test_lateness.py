@@ -4,7 +4,7 @@ import pytest
 
 from module_agent.firmware.frame_writer import Speech
 from module_agent.firmware.lateness import LateSpeech
-from protocol.robot.clocks import ClockSheet
+from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from tests.module_agent.robot import (
     DELAY_TICKS,

@@ -6,12 +6,13 @@ from math import cos, sin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from module_agent.firmware.body_view import BodySample, Turn
-from module_agent.firmware.config import ServoGains
 from module_agent.firmware.controller import Seen
 from module_agent.firmware.kinematics import Supported
 from module_agent.firmware.servo import Servo, SlewingServo, servo
+from protocol.robot.hardware import ServoGains
 from protocol.robot.sensors import Readings
 from protocol.robot.states import State
 from protocol.wire.frames import Observation
@@ -93,13 +94,13 @@ def test_each_term_restores() -> None:
 def test_torque_never_passes_its_limit(
     inputs: list[tuple[float, float, float]], limit: float
 ) -> None:
-    limited = GAINS._replace(torque_limit_nm=limit)
+    limited = structs.replace(GAINS, torque_limit_nm=limit)
     assert all(abs(torque) <= limit for torque in _torques(limited, inputs))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_integral_stands_still_while_saturated_outwards(side: float) -> None:
-    servo = _servo(GAINS._replace(torque_limit_nm=10.0))
+    servo = _servo(structs.replace(GAINS, torque_limit_nm=10.0))
     for _ in range(1000):
         torque = servo.torque_nm(_seen(side))
         assert torque == -side * 10.0
@@ -109,7 +110,7 @@ def test_integral_stands_still_while_saturated_outwards(side: float) -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_integral_moves_inwards_while_saturated(side: float) -> None:
     """The rate alone drives the torque to its limit; the error would bring it back."""
-    servo = _servo(GAINS._replace(torque_limit_nm=10.0))
+    servo = _servo(structs.replace(GAINS, torque_limit_nm=10.0))
     for tick in range(1, 101):
         torque = servo.torque_nm(_seen(-0.1 * side, 9.0 * side))
         assert torque == -side * 10.0
@@ -118,7 +119,7 @@ def test_integral_moves_inwards_while_saturated(side: float) -> None:
 
 def test_after_saturation_the_torque_returns_without_delay() -> None:
     """What anti-windup is for: an integral wound up for 10 s would hold the torque at its limit."""
-    servo = _servo(GAINS._replace(torque_limit_nm=10.0, kd_nm_s_rad=0.0))
+    servo = _servo(structs.replace(GAINS, torque_limit_nm=10.0, kd_nm_s_rad=0.0))
     for _ in range(10_000):
         servo.torque_nm(_seen(1.0))
     after = servo.torque_nm(_seen(-0.01))

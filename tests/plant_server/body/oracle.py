@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from plant_server.body.chain import LinkInertia
+from protocol.robot.hardware import Link
 
 Floats = NDArray[np.float64]
 State = tuple[list[float], list[float], list[float]]
 
 
-def random_links(size: int, *, seed: int) -> tuple[LinkInertia, ...]:
+def random_links(size: int, *, seed: int) -> tuple[Link, ...]:
     """Links from finger to torso, their mass anywhere along them."""
     rng = np.random.default_rng(seed)
     links = []
@@ -21,7 +21,7 @@ def random_links(size: int, *, seed: int) -> tuple[LinkInertia, ...]:
         mass_kg, length_m = float(rng.uniform(0.5, 40.0)), float(rng.uniform(0.1, 0.8))
         com_m = length_m * float(rng.uniform(0.1, 1.0))
         inertia_kg_m2 = mass_kg * length_m**2 * float(rng.uniform(0.02, 0.2))
-        links.append(LinkInertia(mass_kg, length_m, com_m, inertia_kg_m2))
+        links.append(Link(mass_kg, length_m, com_m, inertia_kg_m2))
     return tuple(links)
 
 
@@ -51,7 +51,7 @@ class Reference(NamedTuple):
 class Oracle:
     """The same links in MuJoCo: hinges about y, z up, so forward is x and positive as here."""
 
-    def __init__(self, links: Sequence[LinkInertia]) -> None:
+    def __init__(self, links: Sequence[Link]) -> None:
         body = ""
         heights = [0.0, *(link.length_m for link in links[:-1])]
         for height, link in zip(reversed(heights), reversed(links), strict=True):

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from plant_server.body.body import Body
-from plant_server.body.chain import Chain, LinkInertia
+from plant_server.body.chain import Chain
+from protocol.robot.hardware import Link
 
-SHANK = LinkInertia(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
-TRUNK = LinkInertia(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
+SHANK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
+TRUNK = Link(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
 PAPER = Chain([SHANK, SHANK, TRUNK])
 STILL = [0.0, 0.0, 0.0]
 WEIGHT_N = 50.0 * 9.81
@@ -213,16 +214,16 @@ def test_a_state_that_is_no_number_has_fallen(number: float) -> None:
     [
         # Far too light for its torque: the state overflows between two evaluations of a step.
         (
-            (LinkInertia(7.0, 0.01, 0.005, 7e-5), LinkInertia(5e-5, 0.07, 0.035, 2e-8)),
+            (Link(7.0, 0.01, 0.005, 7e-5), Link(5e-5, 0.07, 0.035, 2e-8)),
             [-2.0, -185.0],
         ),
         # A point mass on a link without mass: nothing resists the lower joint.
-        ((LinkInertia(1e-30, 0.5, 0.25, 1e-30), LinkInertia(30.0, 0.5, 0.25, 1e-30)), [1.0, 1.0]),
+        ((Link(1e-30, 0.5, 0.25, 1e-30), Link(30.0, 0.5, 0.25, 1e-30)), [1.0, 1.0]),
     ],
     ids=["overflow", "singular"],
 )
 def test_a_step_that_cannot_be_computed_is_a_fall(
-    links: tuple[LinkInertia, ...], torques: list[float]
+    links: tuple[Link, ...], torques: list[float]
 ) -> None:
     """S21: whatever body the scenario describes, it ends the run instead of raising in it."""
     flung = body([0.1, 0.0], chain=Chain(links), tick_s=1e-2, substeps=10)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_server.body.chain import Chain, LinkInertia
+from plant_server.body.chain import Chain
+from protocol.robot.hardware import Link
 from tests.plant_server.body.oracle import (
     Oracle,
     State,
@@ -14,8 +15,8 @@ from tests.plant_server.body.oracle import (
     relative_error,
 )
 
-SHANK = LinkInertia(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
-TRUNK = LinkInertia(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
+SHANK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
+TRUNK = Link(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
 PAPER = (SHANK, SHANK, TRUNK)
 
 
@@ -24,7 +25,7 @@ each_chain = pytest.mark.parametrize("links", CHAINS, ids=lambda links: f"{len(l
 
 
 @each_chain
-def test_dynamics_agree_with_mujoco(links: tuple[LinkInertia, ...]) -> None:
+def test_dynamics_agree_with_mujoco(links: tuple[Link, ...]) -> None:
     """Both engines are exact but for rounding, so any term that differs is a wrong term.
 
     Mass matrix and bias are short sums of products of O(1) conditioning: a few 1e-15. For
@@ -43,7 +44,7 @@ def test_dynamics_agree_with_mujoco(links: tuple[LinkInertia, ...]) -> None:
 
 
 @each_chain
-def test_centre_of_mass_agrees_with_mujoco(links: tuple[LinkInertia, ...]) -> None:
+def test_centre_of_mass_agrees_with_mujoco(links: tuple[Link, ...]) -> None:
     """Metres and metres per second of a body of some metres: 1e-12 is a few hundred roundings."""
     chain, oracle = Chain(links), Oracle(links)
     for state in random_states(chain.size, count=20):
@@ -54,9 +55,7 @@ def test_centre_of_mass_agrees_with_mujoco(links: tuple[LinkInertia, ...]) -> No
 
 
 links_st = st.builds(
-    lambda mass, length, com, inertia: LinkInertia(
-        mass, length, com * length, inertia * mass * length**2
-    ),
+    lambda mass, length, com, inertia: Link(mass, length, com * length, inertia * mass * length**2),
     st.floats(0.1, 50.0),
     st.floats(0.05, 1.0),
     st.floats(0.05, 1.0),
@@ -226,7 +225,7 @@ def test_a_load_on_a_locked_joint_only_matters_as_one_body() -> None:
         + upper.inertia_kg_m2
         + upper.mass_kg * (lower.length_m + upper.com_m - com) ** 2
     )
-    one = Chain([LinkInertia(mass, lower.length_m + upper.length_m, com, inertia)])
+    one = Chain([Link(mass, lower.length_m + upper.length_m, com, inertia)])
     two = Chain([lower, upper])
     (alpha,) = one.accelerations_rad_s2([0.4], [1.3], [25.0])
     matrix, bias = two.mass_matrix([0.4, 0.0]), two.bias_nm([0.4, 0.0], [1.3, 0.0])

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from plant_server.body.body import Body
-from plant_server.body.chain import Chain, LinkInertia
+from plant_server.body.chain import Chain
+from protocol.robot.hardware import Link
 
-SHANK = LinkInertia(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
-TRUNK = LinkInertia(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
+SHANK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
+TRUNK = Link(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
 PAPER = Chain([SHANK, SHANK, TRUNK])
 STILL = [0.0, 0.0, 0.0]
 WEIGHT_N = 50.0 * 9.81
@@ -28,7 +29,7 @@ def some_chain(dice: random.Random, size: int) -> Chain:
     for _ in range(size):
         mass_kg, length_m = dice.uniform(0.5, 40.0), dice.uniform(0.1, 0.8)
         inertia = mass_kg * length_m**2 / dice.uniform(6.0, 20.0)
-        links.append(LinkInertia(mass_kg, length_m, length_m * dice.uniform(0.1, 1.0), inertia))
+        links.append(Link(mass_kg, length_m, length_m * dice.uniform(0.1, 1.0), inertia))
     return Chain(links)
 
 
@@ -179,7 +180,7 @@ def test_a_braked_swing_keeps_its_energy(braked: tuple[int, ...]) -> None:
     assert np.ptp(totals) < 1e-9 * np.ptp(potentials)
 
 
-def joined(lower: LinkInertia, upper: LinkInertia, bend_rad: float) -> tuple[LinkInertia, float]:
+def joined(lower: Link, upper: Link, bend_rad: float) -> tuple[Link, float]:
     """The one link that two make up, and its lean against the lower one (parallel axes)."""
     mass = lower.mass_kg + upper.mass_kg
     x_m = upper.mass_kg * upper.com_m * sin(bend_rad) / mass
@@ -195,7 +196,7 @@ def joined(lower: LinkInertia, upper: LinkInertia, bend_rad: float) -> tuple[Lin
         + upper.mass_kg * ((upper_x_m - x_m) ** 2 + (upper_up_m - up_m) ** 2)
     )
     length_m = lower.length_m + upper.length_m
-    return LinkInertia(mass, length_m, hypot(x_m, up_m), inertia), atan2(x_m, up_m)
+    return Link(mass, length_m, hypot(x_m, up_m), inertia), atan2(x_m, up_m)
 
 
 @pytest.mark.parametrize("size", [2, 3, 5, 7])
@@ -210,7 +211,7 @@ def test_a_braked_joint_makes_two_links_one(size: int, where: str) -> None:
     dice = random.Random(300 + size)
     for _ in range(30):
         alike = [
-            LinkInertia(m, 0.4, 0.2 * dice.uniform(0.8, 1.2), m * 0.4**2 / 12.0)
+            Link(m, 0.4, 0.2 * dice.uniform(0.8, 1.2), m * 0.4**2 / 12.0)
             for m in (dice.uniform(5.0, 15.0) for _ in range(size))
         ]
         straight = where == "straight"
@@ -620,7 +621,7 @@ def test_what_cannot_be_computed_is_a_fall(number: float) -> None:
 
 def test_a_link_without_inertia_cannot_be_braked() -> None:
     """Nothing resists the lower joint, so its impact cannot be computed."""
-    links = (LinkInertia(1e-170, 0.5, 0.25, 0.0), LinkInertia(1e-170, 0.5, 0.25, 0.0))
+    links = (Link(1e-170, 0.5, 0.25, 0.0), Link(1e-170, 0.5, 0.25, 0.0))
     nothing = body([0.1, 0.2], chain=Chain(links), rates_rad_s=[1e-200, 1e-200])
     nothing.brake(1)
     nothing.step([1.0, 1.0])

@@ -6,15 +6,16 @@ from math import pi, sqrt
 import pytest
 
 from plant_server.body.body import Body, Spring
-from plant_server.body.chain import Chain, LinkInertia
+from plant_server.body.chain import Chain
+from protocol.robot.hardware import Link
 
-POLE = LinkInertia(10.0, 1.0, 0.5, 10.0 / 12.0)
-TRUNK = LinkInertia(20.0, 0.5, 0.25, 20.0 * 0.25 / 12.0)
+POLE = Link(10.0, 1.0, 0.5, 10.0 / 12.0)
+TRUNK = Link(20.0, 0.5, 0.25, 20.0 * 0.25 / 12.0)
 MGH = 10.0 * 9.81 * 0.5
 
 
 def standing(
-    springs: list[Spring | None], angles_rad: list[float], links: tuple[LinkInertia, ...] = (POLE,)
+    springs: list[Spring | None], angles_rad: list[float], links: tuple[Link, ...] = (POLE,)
 ) -> Body:
     return Body(
         Chain(links), initial_angles_rad=angles_rad, tick_s=1e-3, substeps=1, passive=springs

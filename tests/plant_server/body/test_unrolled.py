@@ -5,8 +5,9 @@ import random
 import pytest
 
 from plant_server.body.body import Body
-from plant_server.body.chain import Chain, LinkInertia
+from plant_server.body.chain import Chain
 from plant_server.body.unrolled import LINKS_MAX
+from protocol.robot.hardware import Link
 
 
 def some_chain(dice: random.Random, size: int) -> Chain:
@@ -14,7 +15,7 @@ def some_chain(dice: random.Random, size: int) -> Chain:
     for _ in range(size):
         mass_kg, length_m = dice.uniform(0.1, 40.0), dice.uniform(0.05, 1.0)
         inertia = mass_kg * length_m**2 / dice.uniform(6.0, 20.0)
-        links.append(LinkInertia(mass_kg, length_m, length_m * dice.uniform(0.1, 1.0), inertia))
+        links.append(Link(mass_kg, length_m, length_m * dice.uniform(0.1, 1.0), inertia))
     return Chain(links)
 
 

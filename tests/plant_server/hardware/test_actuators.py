@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant_server.hardware.actuators import Motor
-from plant_server.hardware.data_sheets import MotorSheet
+from protocol.robot.hardware import MotorSheet
 from tests.plant_server.plant import ANKLE, HIP, KNEE, LIMIT_NM, plant, play
 
 TICK_S = 1e-3

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from plant_server.body.body import Body, Spring
 from plant_server.body.chain import Chain
-from plant_server.hardware.data_sheets import FootSheet
 from plant_server.hardware.foot import Foot
+from protocol.robot.hardware import FootSheet
 from tests.plant_server.plant import ANKLE, LINK, happened, plant, play
 
 SOLE = FootSheet(ahead_m=0.2, behind_m=0.05)

@@ -4,10 +4,12 @@ from itertools import pairwise
 from math import exp, isnan, nan, sqrt
 
 import pytest
+from msgspec.structs import replace
 
 from plant_server.hardware.sensors import Differentiator, Instruments
 from protocol.robot.chance import Chance
-from protocol.robot.clocks import STEADY, Clock, ClockSheet
+from protocol.robot.clocks import Clock
+from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import EXACT, Readings, SensorSheet
 from protocol.wire.frames import Observation, decode
 from tests.plant_server.plant import ANKLE, HIP, KNEE, finish, opened, plant, play
@@ -80,7 +82,7 @@ def test_offset_and_bias_are_added() -> None:
 def test_the_variance_of_noise_is_its_density_squared_over_a_tick(key: str, field: str) -> None:
     """Summed up over t: a random walk of density x sqrt(t). White: within four standard errors."""
     density, n = 2e-4, 20_000
-    said = measured(EXACT._replace(**{key: density}), n)  # type: ignore[arg-type]
+    said = measured(replace(EXACT, **{key: density}), n)
     noise = [getattr(one, field) - getattr(TRUTH, field) for one in said]
     variance = sum(x * x for x in noise) / n
     assert abs(variance / (density**2 / TICK_S) - 1.0) < 4.0 * sqrt(2.0 / n)

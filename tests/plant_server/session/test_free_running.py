@@ -9,7 +9,7 @@ from deploy.scenario_file.load import load
 from plant_server.record import TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
-from protocol.robot.clocks import ClockSheet
+from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, LinkUse, Observation, Reason, TorqueFrame, decode, encode
 from protocol.wire.trace import Lived, Mark, Taken, TraceWriter
@@ -20,7 +20,7 @@ RATES = ("board.0.rate_hz=500", "board.1.rate_hz=1000", "board.2.rate_hz=250")
 
 def made(*settings: str, admitted: tuple[int, ...] = (0, 1, 2)) -> FreeRunning:
     scenario = load("paper", ["run.mode=realtime", *RATES, "realtime.age_max_ms=20", *settings])
-    plant = FreeRunning(plant_config(scenario.values), run_id=RUN)
+    plant = FreeRunning(plant_config(scenario), run_id=RUN)
     for board in admitted:
         plant.admit(board, 1)
     return plant

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_server.hardware.data_sheets import IDEAL, MotorSheet
 from plant_server.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
 from protocol.robot.commands import Command
+from protocol.robot.hardware import IDEAL, MotorSheet
 from protocol.robot.states import State
 from protocol.wire.frames import (
     NO_TICK,

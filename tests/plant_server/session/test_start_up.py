@@ -1,8 +1,8 @@
 """A board that is plugged in takes a while: until then it is nobody."""
 
 from plant_server.session.lockstep import Lockstep
-from protocol.robot.clocks import STEADY, ClockSheet
 from protocol.robot.commands import Command
+from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import EXACT
 from tests.plant_server.plant import KNEE, happened, plant, play
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from deploy.scenario_file.load import load
 from plant_server.record import COMPLETE, Outcome, TickRecord, Walls
 from plant_server.session.enrolment import Enrolment
 from plant_server.spool.recorder import Recorder
@@ -31,7 +32,7 @@ class Recording:
         self.desk = Enrolment(rig="robot", joints=JOINTS, digest=DIGEST)
         self.boot("ankle", 11)
         self.boot("knee", 12)
-        self.recorder = Recorder(SpoolWriter(path, {}), self.desk)
+        self.recorder = Recorder(SpoolWriter(path, load("paper")), self.desk)
 
     def boot(self, joint: str, boot: int) -> None:
         about: tuple[Any, ...] = (1, "robot", joint, 0, DIGEST, boot, 0, 0, 1.0, 1.0, 0.5, 0.1)

@@ -14,13 +14,14 @@ from typing import Any
 
 import pytest
 
+from deploy.scenario_file.load import load
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven, Walls
 from plant_server.spool import chunks, spool
 from plant_server.spool.spool import SpoolWriter, read_spool
 from protocol.wire.frames import encode
 from protocol.wire.timing import TickTiming, Timing
 
-SCENARIO: dict[str, Any] = {"name": "paper", "run": {"tick_s": 0.001, "seed": 2**62}, "board": []}
+SCENARIO = load("paper", [f"run.seed={2**62}"])
 OUTCOME = Outcome(
     12,
     (0.1, -0.2, pi),

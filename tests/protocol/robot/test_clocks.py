@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from protocol.robot.clocks import STEADY, Clock, ClockSheet
+from protocol.robot.clocks import Clock
+from protocol.robot.hardware import STEADY, ClockSheet
 
 TICK_S = 1e-3
 SEEDS = range(20)

@@ -4,6 +4,7 @@ from math import inf, nan
 from typing import get_args
 
 import pytest
+from msgspec.structs import replace
 
 from protocol.robot.chance import GARBAGE, INTERMITTENT, JITTER, PHASE, START_UP
 from protocol.robot.sensors import (
@@ -49,7 +50,7 @@ def test_noise_is_as_dense_as_the_data_sheet_says() -> None:
     assert noises(EXACT) == []
     for field, reading in READINGS.items():
         if reading.noise is not None:
-            noisy = EXACT._replace(**{reading.noise.density: 0.5})  # type: ignore[arg-type]
+            noisy = replace(EXACT, **{reading.noise.density: 0.5})
             assert noises(noisy) == [(field, 0.5, reading.noise.purpose)]
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from deploy.scenario_file.load import load
 from protocol.wire.wiring import Rig, board_session, neighbours, plant_session, rig_of
 
 SIZES = (1, 2, 3, 7, 40)
@@ -11,6 +12,9 @@ SIZES = (1, 2, 3, 7, 40)
 
 def _rig(boards: int) -> Rig:
     return Rig("robot", "127.0.0.1", 17700, boards)
+
+
+LEFT = ["rig.name=left", "rig.host=10.0.0.1", "rig.base_port=4000"]
 
 
 def _configs(rig: Rig) -> list[dict[str, Any]]:
@@ -94,15 +98,14 @@ def test_a_cable_that_is_pulled_is_dialled_again_for_ever() -> None:
 
 
 def test_the_rig_is_read_from_the_scenario() -> None:
-    values = {"rig": {"name": "left", "host": "10.0.0.1", "base_port": 4000}, "board": [{}, {}]}
-    assert rig_of(values) == Rig("left", "10.0.0.1", 4000, boards=2)
+    scenario = load("paper", LEFT)
+    assert rig_of(scenario) == Rig("left", "10.0.0.1", 4000, boards=3)
 
 
-@pytest.mark.parametrize(("mode", "lease_ms"), [({}, 3_600_000), ({"realtime": {}}, 400)])
+@pytest.mark.parametrize(("mode", "lease_ms"), [("lockstep", 3_600_000), ("realtime", 400)])
 def test_who_is_silent_is_gone_in_realtime_and_waited_for_in_lockstep(
-    mode: dict[str, Any], lease_ms: int
+    mode: str, lease_ms: int
 ) -> None:
     """S7: the same lease on both ends of every cable."""
-    rig = {"name": "left", "host": "10.0.0.1", "base_port": 4000}
-    found = _configs(rig_of({"rig": rig, "board": [{}, {}], **mode}))
+    found = _configs(rig_of(load("paper", [*LEFT, f"run.mode={mode}"])))
     assert {config["transport"]["link"]["tx"]["lease"] for config in found} == {lease_ms}

@@ -79,7 +79,7 @@ def test_every_t_e_that_the_scenario_cannot_have_is_named_before_anything_runs()
 
 def test_a_row_is_a_run_that_can_be_had_again(results: list[Result]) -> None:
     scenario = load("paper", [*SHORT, "election.period_s=0.05"])
-    again = trajectory(scenario.values, *run_twin(scenario))
+    again = trajectory(scenario, *run_twin(scenario))
     assert [result.period_s for result in results] == [None, *VALUES]
     assert results[2].summary["state_sha256"] == again.state_sha256
     assert [r.summary["controller"] for r in results] == ["original"] + ["distributed"] * 3

@@ -3,8 +3,8 @@
 import pytest
 
 from module_agent.firmware.body_view import FORGET_EVERY_TICKS, LATENESS_TICKS_MAX, OwnTurns, Turn
-from module_agent.firmware.kinematics import Link
 from module_agent.firmware.own_time.view import RealtimeView
+from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame
 
