@@ -80,14 +80,13 @@ ENERGY_ROWS = (
 EXPLANATIONS = {
     "overshoot_deg": "The paper does not print the posture at the start, T_e, K_i and the gravity "
     "weight. With the values that fit its table best, this one stays off.",
-    "rise_s": "The KNEE of the distributed controller creeps up to its reference and does not "
+    "rise_s": "The KNEE of the distributed controller approaches its reference and does not "
     "cross it; the 90 % row shows how fast it gets close.",
     "settling_paper_s": "The authors' code takes 2 % of the last value. Where that is about 0 it "
     "gives the last sample, whatever the motion; here a disabled board keeps a small offset, so "
-    "the value is not 0. The honest row, settling in 2 %, takes the largest error.",
-    "positive": "The printed level is not met, whichever energy is taken; with elections it falls, "
-    "though by less. The level is what a knee on the verge of its delay instability would give: "
-    "links with less than half the inertia of slender rods chatter at a delay of 10 ms.",
+    "the value is not 0. The row below, settling in 2 %, takes the largest error.",
+    "positive": "The printed level is not met, whichever energy is taken, and it is not known why. "
+    "With elections it falls, though by less.",
 }
 """Why a figure of the paper's own experiment is not met, per index."""
 ELSEWHERE = "Off, but this is not the whole of the paper's experiment."

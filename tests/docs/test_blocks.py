@@ -118,18 +118,3 @@ def test_the_tutorial_does_what_it_says(tmp_path: Path) -> None:
     assert "four.toml: fine; boards ankle, knee, hip, neck" in everything
     assert "one board in 30, none in 0" in " ".join(everything.split())
     assert (tmp_path / "decmesh/cable/report.html").is_file()
-
-
-def test_what_the_measurements_compute_is_what_they_print(tmp_path: Path) -> None:
-    found = blocks(CHAPTERS / "measurements.md")
-    (code,) = (block.text for block in found if block.kind == "python")
-    (shown,) = (block.text for block in found if block.kind == "text")
-    ran = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert ran.stdout == shown

@@ -19,18 +19,17 @@ ELECTED = EPOCH._replace(
     about="One election, at the end of its epoch. Lists have one entry for each member.",
     fields={
         **EPOCH.fields,
-        "tick": (INTEGER, "tick near the end of the epoch, of which this is told"),
+        "tick": (INTEGER, "tick near the end of the epoch"),
         "members": ([TEXT], "joints whose boards were in it at its end, from the ground up"),
         "w_rad": ([NUMBER], "urgencies that they began with, the paper's w; NaN: nobody knows"),
     },
 )
 TURN = Kind(
     "decmesh.Turn",
-    "What a board lived through in one turn of its loop: what it used, and when. Times are of its"
-    " own monotonic clock.",
+    "One pass of a board's loop: what it used, and when. Times are of its own monotonic clock.",
     {
         **SENDER,
-        "tick": (INTEGER, "first tick of the slot; what was said in the turn has it"),
+        "tick": (INTEGER, "first tick of the slot; frames sent in this pass have it"),
         "slot": (INTEGER, "the board's own period that was played, counted from the release"),
         "woke_us": (INTEGER, "when the turn began, in us"),
         "late_us": (INTEGER, "how long after it, or the first slot skipped for it, was due, in us"),
@@ -45,10 +44,10 @@ TURN = Kind(
         "taken": (
             [
                 {
-                    "newest_tick": (INTEGER, f"when the newest was said so far; {NO_TICK}: none"),
+                    "newest_tick": (INTEGER, f"when the newest so far was sent; {NO_TICK}: none"),
                     "before": (
                         INTEGER,
-                        "bit j: with it, the frame said j + 1 of its sender's periods before",
+                        "bit j: with it, the frame sent j + 1 of its sender's periods before",
                     ),
                 }
             ],
@@ -61,7 +60,7 @@ TURN = Kind(
 )
 LAST_WORD = Kind(
     "decmesh.LastWord",
-    "A frame that a board has taken of a neighbour that is gone now.",
+    "A frame that a board has used from a neighbour that is gone now.",
     {
         **SENDER,
         "sender": (INTEGER, "board that is gone, 0 is the lowest"),

@@ -103,7 +103,7 @@ PLANT_TICK = Kind(
 )
 OBSERVATION = Kind(
     "decmesh.Observation",
-    "What the plant told one board at the start of a tick. Computed again from the recording.",
+    "What the plant sent to one board at the start of a tick. Computed again from the recording.",
     {
         **SENDER,
         **TICK,
@@ -137,9 +137,12 @@ TORQUE = Kind(
         "links": (
             [
                 {
-                    "heard_mask": (INTEGER, "bit j: used the frame said in tick - 1 - j"),
+                    "heard_mask": (INTEGER, "bit j: used the frame sent in tick - 1 - j"),
                     "sent_crc": (INTEGER, "CRC-32 of the link frame that it sent"),
-                    "unheard_ticks": (INTEGER, "how long the neighbour has not heard this board"),
+                    "unheard_ticks": (
+                        INTEGER,
+                        "since when the neighbour has used no frame of this board",
+                    ),
                 }
             ],
             "receipts, the lower neighbour first",
@@ -150,7 +153,7 @@ TORQUE = Kind(
 )
 LINK = Kind(
     "decmesh.LinkFrame",
-    "What a board said to a neighbour, and what became of it. Computed again, and checked by the"
+    "What a board sent to a neighbour, and what became of it. Computed again, and checked by the"
     " CRC-32 in the sender's receipt; of a board that is not ours, or that did not complete the"
     " tick, there is the fate alone.",
     {
@@ -160,7 +163,7 @@ LINK = Kind(
         "sent_crc": (INTEGER, "CRC-32 of the frame, by its sender's receipt, if there is one"),
         "frame_bytes": (INTEGER, "its size on the wire; 0: not known"),
         **SENDER,
-        "echo_tick": (INTEGER, f"newest tick heard from the addressee; {NO_TICK}: none"),
+        "echo_tick": (INTEGER, f"newest frame used from the addressee; {NO_TICK}: none"),
         **GOSSIP,
         "sample_tick": (INTEGER, f"when what follows was sampled; {NO_TICK}: it means nothing"),
         "lower_link_rad": (NUMBER, "orientation in space of the link below the shared joint"),
@@ -260,7 +263,7 @@ REFUSED = Kind(
         "by_link": (
             [
                 {
-                    "sender": (TEXT, "whose board said them"),
+                    "sender": (TEXT, "whose board sent them"),
                     "receiver": (TEXT, "whose board refused them"),
                     "reason": (TEXT, ", ".join(Reason)),
                     "frames": (INTEGER, "how many, had the network brought everything once"),
