@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from deploy.scenario_file.event_tables import Body
 from deploy.scenario_file.ticks import whole_ticks
 from protocol.robot.hardware import ClockSheet, FootSheet, MotorSheet, PassiveElement
-from protocol.robot.sensors import SensorSheet, sensors_of
+from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -168,10 +168,9 @@ def foot_sheet(foot: FootTable | None) -> FootSheet | None:
     return None if foot is None else FootSheet(foot.ahead_m, foot.behind_m)
 
 
-def sensor_names(board: BoardHardware) -> tuple[str, ...]:
+def sensor_names(board: BoardHardware) -> tuple[SensorName, ...]:
     """Names of the sensors that a board has."""
-    differentiates = board.sensors.joint_rate == "encoder"
-    return sensors_of(imu=board.imu, force_plate=board.force_plate, differentiates=differentiates)
+    return sensors_of(sensor_sheet(board.sensors), imu=board.imu, force_plate=board.force_plate)
 
 
 def hardware_misfits(i: int, board: BoardHardware, body: Body) -> Iterator[str]:

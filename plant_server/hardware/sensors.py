@@ -10,17 +10,19 @@ Rule 3: readings are taken once in a tick, in realtime once in each of a board's
         sensors remember the last one.
 """
 
+from collections.abc import Sequence
 from math import exp, floor, isfinite, sqrt
+from typing import Final
 
 from plant_server.body.body import Body
 from plant_server.hardware.sensor_faults import SensorFaults
-from plant_server.session.config import PlantConfig
 from protocol.robot.chance import Chance
 from protocol.robot.clocks import Clock
 from protocol.robot.commands import Command
-from protocol.robot.hardware import STEADY
+from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import (
     EXACT,
+    SENSORS,
     FaultKind,
     Readings,
     SensorName,
@@ -28,14 +30,17 @@ from protocol.robot.sensors import (
     noises,
 )
 
+IMU: Final[SensorName] = "imu"
+FOOT: Final[SensorName] = "foot"
 
-def truth(body: Body, config: PlantConfig, board: int) -> Readings:
+
+def truth(body: Body, board: int, has: frozenset[SensorName]) -> Readings:
     """Read the joint of a board, and IMU and force plate if it has them; 0 if it has not."""
     imu_rad = imu_rad_s = foot_force_n = foot_cop_m = 0.0
-    if config.imu[board]:
+    if IMU in has:
         imu_rad = body.orientations_rad()[board]
         imu_rad_s = body.orientation_rates_rad_s()[board]
-    if config.force_plate[board]:
+    if FOOT in has:
         foot_force_n, foot_cop_m = body.foot_force_n, body.foot_cop_m
     return Readings(
         joint_rad=body.angles_rad[board],
@@ -136,38 +141,47 @@ class Instruments:
 class Sensors:
     """The sensors of the whole body, each read by its board alone."""
 
-    def __init__(self, config: PlantConfig) -> None:
-        self._config = config
+    def __init__(
+        self,
+        names: Sequence[tuple[SensorName, ...]],
+        sheets: Sequence[SensorSheet],
+        clock_sheets: Sequence[ClockSheet],
+        *,
+        ticks_per_period: Sequence[int],
+        seed: int,
+        tick_s: float,
+    ) -> None:
+        """Of each board: sensors, their data sheet, its clock's, how often it reads them.
+
+        No sheets: all of them are exact.
+        """
+        self._has = [frozenset(of) for of in names]
+        self._ticks_per_period = ticks_per_period
+        self._seed = seed
         self._instruments: dict[int, Instruments] = {}
         self._faults: dict[int, SensorFaults] = {}
-        boards = zip(config.sensor_sheets, config.clock_sheets, strict=True)
-        for board, (sheet, clock_sheet) in enumerate(boards):
+        for board, (sheet, clock_sheet) in enumerate(zip(sheets, clock_sheets, strict=True)):
             if sheet == EXACT and clock_sheet == STEADY:
                 continue
             self._instruments[board] = Instruments(
                 sheet,
-                Clock(clock_sheet, seed=config.seed, board=board, tick_s=config.tick_s),
-                Chance(seed=config.seed, board=board),
-                tick_s=config.tick_s,
-                every_ticks=self._every_ticks(board),
+                Clock(clock_sheet, seed=seed, board=board, tick_s=tick_s),
+                Chance(seed=seed, board=board),
+                tick_s=tick_s,
+                every_ticks=ticks_per_period[board],
             )
         self._special = set(self._instruments)
         """Boards that do not simply get the truth."""
 
-    def _every_ticks(self, board: int) -> int:
-        """How often a board's sensors are read."""
-        cadence = self._config.cadence
-        return 1 if cadence is None else cadence.ticks_per_period[board]
-
     def read(self, body: Body, board: int, tick: int) -> Readings:
         """What a board senses in a tick."""
-        true = truth(body, self._config, board)
+        has = self._has[board]
+        taken = truth(body, board, has)
         if board not in self._special:
-            return true
+            return taken
         instruments = self._instruments.get(board)
-        taken = true
         if instruments is not None:
-            taken = instruments.measure(tick, true, imu=self._config.imu[board])
+            taken = instruments.measure(tick, taken, imu=IMU in has)
         if board in self._faults:
             taken = self._faults[board].apply(tick, taken)
         if instruments is not None and instruments.differentiator is not None:
@@ -185,9 +199,11 @@ class Sensors:
         """Carry out a "sensor" command. The fault is the joint's: it outlives its board."""
         _, board, sensor, kind, amount, ticks = command
         if board not in self._faults:
-            chance = Chance(seed=self._config.seed, board=board)
+            chance = Chance(seed=self._seed, board=board)
             self._faults[board] = SensorFaults(
-                self._config.sensors[board], chance, every_ticks=self._every_ticks(board)
+                [name for name in SENSORS if name in self._has[board]],
+                chance,
+                every_ticks=self._ticks_per_period[board],
             )
             self._special.add(board)
         self._faults[board].obey(tick, sensor, kind, amount, ticks)

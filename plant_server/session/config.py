@@ -16,7 +16,7 @@ from protocol.robot.hardware import (
     Unattended,
 )
 from protocol.robot.scenario import Scenario
-from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
+from protocol.robot.sensors import SensorName, SensorSheet
 
 
 class PlantConfig(NamedTuple):
@@ -27,8 +27,6 @@ class PlantConfig(NamedTuple):
     """Names of the links."""
     links: tuple[Link, ...]
     initial_angles_rad: tuple[float, ...]
-    imu: tuple[bool, ...]
-    force_plate: tuple[bool, ...]
     torque_limits_nm: tuple[float, ...]
     references_rad: tuple[float, ...]
     unattended: tuple[Unattended, ...]
@@ -69,8 +67,6 @@ def plant_config(scenario: Scenario) -> PlantConfig:
         segments=scenario.link_names,
         links=tuple(board.link for board in boards),
         initial_angles_rad=tuple(a - b for a, b in zip(orientations, below, strict=True)),
-        imu=tuple(board.imu for board in boards),
-        force_plate=tuple(board.force_plate for board in boards),
         torque_limits_nm=tuple(board.servo.torque_limit_nm for board in boards),
         references_rad=tuple(board.reference_rad for board in boards),
         unattended=tuple(board.unattended for board in boards),
@@ -83,14 +79,7 @@ def plant_config(scenario: Scenario) -> PlantConfig:
         warm_up_ticks=warm_up_ticks + (cadence.settle_ticks if cadence else 0),
         cadence=cadence,
         seed=run.seed,
-        sensors=tuple(
-            sensors_of(
-                imu=board.imu,
-                force_plate=board.force_plate,
-                differentiates=board.sensors.differentiates,
-            )
-            for board in boards
-        ),
+        sensors=tuple(board.sensor_names for board in boards),
         sensor_sheets=tuple(board.sensors for board in boards),
         clock_sheets=tuple(_clock(board.clock, cadence) for board in boards),
         motor_sheets=tuple(board.actuator for board in boards),

@@ -52,7 +52,15 @@ class Lockstep:
             fallen_below=config.fallen_below,
             passive=config.passive,
         )
-        self.sensors = Sensors(config)
+        cadence = config.cadence
+        self.sensors = Sensors(
+            config.sensors,
+            config.sensor_sheets,
+            config.clock_sheets,
+            ticks_per_period=cadence.ticks_per_period if cadence else (1,) * self.size,
+            seed=config.seed,
+            tick_s=config.tick_s,
+        )
         self.actuators = Actuators(config)
         self.tick = -config.warm_up_ticks
         self.roster = Roster(self.size, config.standing_links, config.references_rad)

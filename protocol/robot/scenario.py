@@ -42,7 +42,7 @@ from protocol.robot.hardware import (
     Ticks,
     Unattended,
 )
-from protocol.robot.sensors import SensorSheet
+from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
 
 TicksSome = Annotated[int, Meta(ge=1, lt=2**31)]
 BOARDS_MAX = 2000
@@ -186,6 +186,11 @@ class BoardSettings(
     """Of the lowest board; None: the ground takes any torque."""
     ticks_per_period: TicksSome | None = None
     """Of the plant, in one period of the board's own loop; None: in lockstep it has none."""
+
+    @property
+    def sensor_names(self) -> tuple[SensorName, ...]:
+        """Which sensors it has."""
+        return sensors_of(self.sensors, imu=self.imu, force_plate=self.force_plate)
 
 
 class Scenario(

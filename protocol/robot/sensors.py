@@ -152,7 +152,7 @@ def noises(sheet: SensorSheet) -> list[tuple[str, float, int]]:
     return found
 
 
-def sensors_of(*, imu: bool, force_plate: bool, differentiates: bool) -> tuple[SensorName, ...]:
+def sensors_of(sheet: SensorSheet, *, imu: bool, force_plate: bool) -> tuple[SensorName, ...]:
     """Names of the sensors of a board with this equipment."""
 
     def has(sensor: SensorName) -> bool:
@@ -160,7 +160,7 @@ def sensors_of(*, imu: bool, force_plate: bool, differentiates: bool) -> tuple[S
             case "encoder" | "torque":
                 return True
             case "gyroscope":
-                return not differentiates
+                return not sheet.differentiates
             case "imu":
                 return imu
             case "foot":

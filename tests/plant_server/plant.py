@@ -8,7 +8,7 @@ from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
 from protocol.robot.commands import Command, LinkParameters
 from protocol.robot.hardware import Link, Unattended
-from protocol.robot.sensors import sensors_of
+from protocol.robot.sensors import EXACT, sensors_of
 from protocol.robot.states import State
 from protocol.wire.frames import (
     NO_EPOCH,
@@ -50,8 +50,6 @@ def plant(
         segments=("shank", "thigh", "trunk"),
         links=(LINK, LINK, LINK),
         initial_angles_rad=POSTURE_RAD,
-        imu=(False, False, True),
-        force_plate=(True, False, False),
         torque_limits_nm=(LIMIT_NM, LIMIT_NM, LIMIT_NM),
         references_rad=(0.0, 0.0, 0.0),
         unattended=(unattended, unattended, unattended),
@@ -63,7 +61,7 @@ def plant(
         fallen_below=0.5,
         warm_up_ticks=warm_up_ticks,
         sensors=tuple(
-            sensors_of(imu=board == HIP, force_plate=board == ANKLE, differentiates=False)
+            sensors_of(EXACT, imu=board == HIP, force_plate=board == ANKLE)
             for board in (ANKLE, KNEE, HIP)
         ),
     )._replace(**hardware)

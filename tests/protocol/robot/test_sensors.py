@@ -18,6 +18,7 @@ from protocol.robot.sensors import (
     SENSORS,
     FaultKind,
     Readings,
+    SensorSheet,
     amount_trouble,
     noises,
     sensors_of,
@@ -55,9 +56,9 @@ def test_noise_is_as_dense_as_the_data_sheet_says() -> None:
 
 
 def test_a_board_has_the_sensors_of_its_equipment() -> None:
-    bare = sensors_of(imu=False, force_plate=False, differentiates=True)
+    bare = sensors_of(SensorSheet(differentiates=True), imu=False, force_plate=False)
     assert bare == ("encoder", "torque")
-    whole = sensors_of(imu=True, force_plate=True, differentiates=False)
+    whole = sensors_of(EXACT, imu=True, force_plate=True)
     assert whole == SENSORS
 
 
