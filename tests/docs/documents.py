@@ -9,7 +9,7 @@ CHAPTERS = ROOT / "deploy" / "docs"
 DOCUMENTS = [ROOT / "README.md", *sorted(CHAPTERS.glob("*.md"))]
 
 FENCE = re.compile(r"^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
-FILE_NAME = re.compile(r"Save this as `([\w.]+)`:\n\n$")
+FILE_NAME = re.compile(r"Save this as\s+`([\w.]+)`:\n\n$")
 
 
 class Block(NamedTuple):
