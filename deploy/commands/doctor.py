@@ -11,7 +11,7 @@ from rich.text import Text
 from deploy.commands import doctor_checks as look
 from deploy.commands.doctor_checks import Check
 from deploy.launch import machine, rigs
-from deploy.launch.run import RUNS
+from deploy.launch.folders import RUNS
 from deploy.scenario_file.load import load
 
 SCENARIO = "paper"

@@ -2,17 +2,20 @@
 
 import math
 import re
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
 from deploy.commands.terminal import JsonOption, out, print_json
 from deploy.launch.status import status_shown
-from deploy.scenario_file.sensor_faults import FaultAmounts, amount_of, fault_amount
+from deploy.scenario_file.fault_amount import amount_of
 from deploy.scenario_file.ticks import MeaningError, whole_ticks
 from protocol.robot.commands import DELAY_TICKS_MAX, Command
 from protocol.robot.sensors import FAULTS, Faultable, FaultKind
+
+if TYPE_CHECKING:
+    from deploy.scenario_file.sensor_faults import FaultAmounts
 
 RigOption = Annotated[
     str | None,
@@ -165,6 +168,8 @@ def sensor(
 
     Example: decmesh sensor knee stuck --for 500ms
     """
+    from deploy.scenario_file.sensor_faults import fault_amount  # noqa: PLC0415 - as below
+
     for_ms = None if duration is None else quantity(duration, "time") * 1e3
     given = _amount_given(fault, amount)
 
@@ -238,8 +243,10 @@ def _of_joint(
     _do(command, rig, as_json=as_json)
 
 
-def _amount_given(fault: FaultKind, text: str | None) -> FaultAmounts:
+def _amount_given(fault: FaultKind, text: str | None) -> "FaultAmounts":
     """A fault's size as somebody typed it, under the key of its kind."""
+    from deploy.scenario_file.sensor_faults import FaultAmounts  # noqa: PLC0415 - pydantic, needed only now
+
     if text is None:
         return FaultAmounts()
     taken = amount_of(fault)

@@ -11,9 +11,8 @@ from rich.table import Table
 from deploy.commands.terminal import JsonOption, OutOption, SetOption, err, progress, tell
 from deploy.failure import FailedError
 from deploy.launch import machine
-from deploy.launch import run as runs
+from deploy.launch.folders import new_folder
 from deploy.launch.workers import work_off
-from deploy.scenario_file.load import load
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError
 
@@ -70,7 +69,7 @@ def consensus(
         raise typer.BadParameter(str(error)) from error
     if processes:
         cases = _that_fit(cases)
-    folder = runs.new_folder(out_folder, "measure-consensus")
+    folder = new_folder(out_folder, "measure-consensus")
     played, complete = (_in_processes if processes else _in_twin)(cases)
     if any(epochs for _, epochs in played):
         _tell_consensus(cases, played, folder, complete=complete, as_json=as_json)
@@ -99,6 +98,7 @@ def te(
     from deploy.experiments.election_period import run as measuring  # noqa: PLC0415 - as above
     from deploy.experiments.election_period.figure import te_figure  # noqa: PLC0415 - as above
     from deploy.experiments.election_period.table import te_table  # noqa: PLC0415 - as above
+    from deploy.scenario_file.load import load  # noqa: PLC0415 - pydantic, needed only now
 
     usual = load(measuring.SCENARIO, settings or [])
     tick_s: float = usual.run.tick_s
@@ -107,7 +107,7 @@ def te(
     except ValueError as error:
         raise typer.BadParameter(str(error), param_hint="--values") from error
     cases = measuring.grid(periods_s, settings or [])
-    folder = runs.new_folder(out_folder, "measure-te")
+    folder = new_folder(out_folder, "measure-te")
     with progress("measure te", len(cases)) as advance:
         results, complete = work_off(measuring.measure, cases, lambda _result: advance(1))
     results = measuring.in_order(results)

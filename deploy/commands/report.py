@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy.commands.terminal import JsonOption, err, print_dim, print_files, print_json, writing
-from deploy.launch import run as places
+from deploy.launch.folders import new_folder
 
 
 def report(
@@ -36,16 +36,17 @@ def report(
     from deploy.report.compose import compose, write  # noqa: PLC0415
     from deploy.report.runs import read_runs  # noqa: PLC0415
 
-    with err.status("reading and drawing ..."):
-        composed = compose(read_runs(runs), epoch)
-        folder = _folder(runs, out_folder)
-        with writing(folder):
-            page, *pictures = write(*composed, folder)
+    with err.status("reading ..."):
+        page, pictures = compose(read_runs(runs), epoch)
+    pictures.draw()  # By forks, so without a status meanwhile: that has a thread.
+    folder = _folder(runs, out_folder)
+    with writing(folder):
+        written, *drawn = write(page, pictures, folder)
     if as_json:
-        print_json({"report": page, "figures": pictures})
+        print_json({"report": written, "figures": drawn})
         return
-    print_files([page])
-    print_dim(f"{len(pictures)} picture files in {pictures[0].parent}")
+    print_files([written])
+    print_dim(f"{len(drawn)} picture files in {drawn[0].parent}")
 
 
 def _folder(runs: list[Path], out_folder: Path | None) -> Path:
@@ -53,5 +54,5 @@ def _folder(runs: list[Path], out_folder: Path | None) -> Path:
     if out_folder is not None:
         return out_folder
     if len(runs) > 1:
-        return places.new_folder(None, "report")
+        return new_folder(None, "report")
     return runs[0] if runs[0].is_dir() else runs[0].parent

@@ -19,9 +19,8 @@ from deploy.commands.terminal import (
     ticks_shown,
 )
 from deploy.failure import FailedError
-from deploy.launch import run as runs
+from deploy.launch.folders import new_folder
 from deploy.launch.processes import SPOOL, RunFailedError, Watch
-from deploy.scenario_file.load import load
 from protocol.process.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, stop_on_signals
@@ -82,12 +81,14 @@ def paper(
 
     Example: decmesh paper
     """
+    from deploy.scenario_file.load import load  # noqa: PLC0415 - pydantic, needed only now
+
     scenarios = [
         load("paper", [*(settings or []), f"election.enabled={elects}"])
         for elects in ("false", "true")
     ]
-    folder = runs.new_folder(out_folder, "paper")
-    parts = [runs.new_folder(folder / name, name) for name in ("original", "distributed")]
+    folder = new_folder(out_folder, "paper")
+    parts = [new_folder(folder / name, name) for name in ("original", "distributed")]
     original, distributed = (
         _run(scenario, part, twin=twin, label=part.name)
         for scenario, part in zip(scenarios, parts, strict=True)
@@ -123,12 +124,14 @@ def run(
 
     Example: decmesh run paper --set run.duration_s=2 --out short
     """
+    from deploy.scenario_file.load import load  # noqa: PLC0415 - as above
+
     overrides = [*(settings or []), *([] if seed is None else [f"run.seed={seed}"])]
     overrides += ["run.mode=realtime"] if realtime else []
     resolved = load(scenario, overrides)
     _check_clock(in_realtime=resolved.realtime is not None, twin=twin, pace=pace)
     name = resolved.name
-    folder = runs.new_folder(out_folder, name)
+    folder = new_folder(out_folder, name)
     options = [] if patience is None else ["--patience", patience]
     options += [] if pace is None else ["--pace", str(pace)]
     ran = _run(resolved, folder, twin=twin, label=name, plant_options=options)
@@ -169,10 +172,14 @@ def _run(
 
     Also of a run that is stopped; then raises `StoppedError`.
     """
+    from deploy.launch.run import run as run_scenario  # noqa: PLC0415 - plant and boards, needed only now
+
     with ticks_shown(label, scenario) as on_tick:
         watch = Watch(on_tick, say)
         try:
-            code = runs.run(scenario, folder, twin=twin, watch=watch, plant_options=plant_options)
+            code = run_scenario(
+                scenario, folder, twin=twin, watch=watch, plant_options=plant_options
+            )
         except StoppedError:
             code = ExitCode.STOPPED
             stop_on_signals()  # What is made of it can be stopped as well.

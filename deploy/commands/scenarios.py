@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from deploy.commands.terminal import JsonOption, SetOption, out, print_json
-from deploy.scenario_file.load import available, load
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.scenario import ScenarioError, canonical
 
@@ -22,6 +21,8 @@ def scenarios(as_json: JsonOption = False) -> None:
 
     Example: decmesh scenarios
     """
+    from deploy.scenario_file.load import available, load  # noqa: PLC0415 - pydantic, needed only now
+
     shown = {name: load(name).description for name in available()}
     if as_json:
         print_json(shown)
@@ -45,6 +46,8 @@ def check(
 
     Example: decmesh check my_robot.toml
     """
+    from deploy.scenario_file.load import load  # noqa: PLC0415 - as above
+
     try:
         found = load(scenario, settings or [])
     except ScenarioError as error:

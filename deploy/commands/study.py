@@ -7,7 +7,7 @@ import typer
 
 from deploy.commands import live as live_cli
 from deploy.commands.terminal import JsonOption, OutOption, err, progress, tell
-from deploy.launch import run as runs
+from deploy.launch.folders import new_folder
 from deploy.launch.workers import work_off
 from protocol.process.stopping import StoppedError
 
@@ -34,7 +34,7 @@ def loss(
     from deploy.experiments.loss_table import loss_table  # noqa: PLC0415 - as above
 
     cases = studies.grid(seeds=seeds, duration_s=live_cli.quantity(duration, "time"))
-    folder = runs.new_folder(out_folder, "study-loss")
+    folder = new_folder(out_folder, "study-loss")
     with progress("study loss", len(cases)) as advance:
         results, complete = work_off(studies.measure, cases, lambda _result: advance(1))
     rows = list(studies.means(results))

@@ -65,7 +65,7 @@ def _start(work: Callable[[Any], Any]) -> tuple[Any, SpawnProcess]:
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     worker = context.Process(target=_serve, args=(work, theirs), daemon=True)
-    with _interrupts_held():
+    with interrupts_held():
         worker.start()
     theirs.close()
     return ours, worker
@@ -98,7 +98,7 @@ def _serve(work: Callable[[Any], Any], connection: "Connection[Any, Any]") -> No
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Start processes that never see a Ctrl-C: it is their parent's to answer, from the first."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

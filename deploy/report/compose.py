@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from deploy.report.page import Page, Section
-from deploy.report.runs import Pictures, Run
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun
 from deploy.report.sections import motion_and_elections as sections
 from deploy.report.sections.agreement import agreement
 from deploy.report.sections.glance import glance
@@ -21,8 +22,8 @@ REPORT = "report.html"
 PICTURES = "figures"
 
 
-def compose(runs: Sequence[Run], epoch: int | None = None) -> tuple[Page, Pictures]:
-    """Make the page, with all that is drawn on it; `epoch` is drawn frame by frame.
+def compose(runs: Sequence[ReportedRun], epoch: int | None = None) -> tuple[Page, Pictures]:
+    """Make the page, with all that is to be drawn on it; `epoch` is drawn frame by frame.
 
     Raises `FailedError` if a run has no such epoch.
     """
@@ -45,7 +46,9 @@ def compose(runs: Sequence[Run], epoch: int | None = None) -> tuple[Page, Pictur
     return page, pictures
 
 
-def _of_lockstep(runs: Sequence[Run], pictures: Pictures, epoch: int | None) -> Iterator[Section]:
+def _of_lockstep(
+    runs: Sequence[ReportedRun], pictures: Pictures, epoch: int | None
+) -> Iterator[Section]:
     """What there is where ticks wait for boards."""
     yield sections.one_epoch(runs, pictures, epoch)
     yield agreement(runs, pictures)
@@ -69,19 +72,19 @@ def write(page: Page, pictures: Pictures, folder: Path) -> list[Path]:
     return list(files)
 
 
-def _names(runs: Sequence[Run]) -> str:
+def _names(runs: Sequence[ReportedRun]) -> str:
     *others, last = (run.label for run in runs)
     return f"{', '.join(others)} and {last}" if others else last
 
 
-def _subtitle(runs: Sequence[Run]) -> str:
+def _subtitle(runs: Sequence[ReportedRun]) -> str:
     if len(runs) == 1:
         told: str = runs[0].recording.trajectory.scenario.description
         return told
     return f"{len(runs)} runs side by side, subject by subject, with the same scales."
 
 
-def _incomplete(run: Run) -> str:
+def _incomplete(run: ReportedRun) -> str:
     ticks, tick_s = run.recording.trajectory.ticks, run.recording.trajectory.tick_s
     return (
         f"The recording {run.label} is incomplete: it has no end. What is here is what was"

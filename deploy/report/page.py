@@ -19,16 +19,16 @@ SHORT_MAX = 24
 """A text of at most so many letters is not broken into lines."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Image:
-    """One picture, drawn and as pixels."""
+    """One picture, drawn and as pixels; both are empty until it is drawn."""
 
     name: str
     """Of its files, without an ending."""
     label: str
     """Which run it shows; empty where there is only one."""
-    svg: bytes
-    png: bytes
+    svg: bytes = b""
+    png: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

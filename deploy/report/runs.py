@@ -1,29 +1,20 @@
 """The runs of a report: each read once, with all that its sections are made from."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-from matplotlib import style
-from matplotlib.figure import Figure as Drawing
-
-from deploy.outcome.figures import FORMATS, STYLE
 from deploy.outcome.summary import Summary, summary
 from deploy.recording.arrays import Recording
 from deploy.recording.epochs import Epochs
 from deploy.recording.link_counts import LinkCounts, counts
 from deploy.recording.reading import read_recording
-from deploy.report.page import Figure, Image, Remark
+from deploy.report.page import Remark
 from deploy.report.sections.happenings import Happening, Span, timeline, told
-
-ENDINGS = ("svg", "png")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class ReportedRun:
     """One recording and what was found in it."""
 
     number: int
@@ -68,7 +59,7 @@ class Run:
         return f"{self.joints[sender]} → {self.joints[receiver]}"
 
 
-def read_runs(paths: Sequence[Path]) -> list[Run]:
+def read_runs(paths: Sequence[Path]) -> list[ReportedRun]:
     """Read recordings, folders or files. Raises `FailedError` with one line for the user."""
     labels: list[str] = []
     for path in paths:
@@ -80,10 +71,10 @@ def read_runs(paths: Sequence[Path]) -> list[Run]:
     ]
 
 
-def look_at(recording: Recording, label: str, number: int = 1) -> Run:
+def look_at(recording: Recording, label: str, number: int = 1) -> ReportedRun:
     """Find in a recording what the report shows."""
     trajectory = recording.trajectory
-    return Run(
+    return ReportedRun(
         number,
         label,
         recording,
@@ -100,49 +91,16 @@ def look_at(recording: Recording, label: str, number: int = 1) -> Run:
     )
 
 
-class Pictures:
-    """Draws, and keeps every picture for its files."""
-
-    def __init__(self, *, several: bool) -> None:
-        self.several = several
-        """Whether the report is of several runs, so that each picture must say of which."""
-        self.images: list[Image] = []
-
-    def draw(self, name: str, make: Callable[[], Drawing], label: str = "") -> Image:
-        """Draw one picture, in the style of all figures."""
-        with style.context(["default", STYLE]):
-            drawing = make()
-            image = Image(name, label, *(_saved(drawing, ending) for ending in ENDINGS))
-        self.images.append(image)
-        return image
-
-    def each(
-        self, name: str, runs: Sequence[Run], make: Callable[[Run], Drawing], **texts: Any
-    ) -> list[Figure]:
-        """Draw the same of every run, as one figure; no figure of no runs."""
-        images = [
-            self.draw(f"{name}-{run.number}", partial(make, run), run.label)
-            if self.several
-            else self.draw(name, partial(make, run))
-            for run in runs
-        ]
-        return [Figure(images=images, **texts)] if images else []
-
-
-def titled(title: str, run: Run, runs: Sequence[Run]) -> str:
+def titled(title: str, run: ReportedRun, runs: Sequence[ReportedRun]) -> str:
     """A title that says which run it is about, where there are several."""
     return f"{title}: {run.label}" if len(runs) > 1 else title
 
 
-def remarks(runs: Sequence[Run], concerned: Sequence[Run], text: str) -> list[Remark]:
+def remarks(
+    runs: Sequence[ReportedRun], concerned: Sequence[ReportedRun], text: str
+) -> list[Remark]:
     """A line about some of the runs; it names them where there are several."""
     if not concerned:
         return []
     names = ", ".join(run.label for run in concerned)
     return [Remark(text if len(runs) == 1 else f"{names}: {text}")]
-
-
-def _saved(drawing: Drawing, ending: str) -> bytes:
-    content = BytesIO()
-    drawing.savefig(content, format=ending, metadata=FORMATS[ending])
-    return content.getvalue()

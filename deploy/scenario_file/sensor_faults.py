@@ -1,9 +1,10 @@
 """Faults of sensors as people write them: how large one is, in the unit that its kind has."""
 
-from typing import Annotated, NamedTuple, assert_never
+from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from deploy.scenario_file.fault_amount import amount_of
 from deploy.scenario_file.ticks import MeaningError, whole
 from protocol.robot.sensors import FaultKind, amount_trouble
 
@@ -17,33 +18,6 @@ class FaultAmounts(BaseModel):
     """Of "delayed": how late values are. None: 100 ms."""
     probability: Annotated[float, Field(ge=0, le=1)] | None = None
     """Of "intermittent": that there is no value in a tick. None: 0.5."""
-
-
-class Amount(NamedTuple):
-    """The key that says how large a fault is, and what it is unless it is said."""
-
-    key: str
-    default: float
-
-    @property
-    def in_ms(self) -> bool:
-        """Whether it is a time, which counts in ticks."""
-        return self.key.endswith("_ms")
-
-
-def amount_of(fault: FaultKind) -> Amount | None:
-    """What a kind of fault takes; None: nothing."""
-    match fault:
-        case "slow":
-            return Amount("period_ms", 20.0)
-        case "delayed":
-            return Amount("delay_ms", 100.0)
-        case "intermittent":
-            return Amount("probability", 0.5)
-        case "ok" | "off" | "stuck" | "garbage":
-            return None
-        case _:
-            assert_never(fault)
 
 
 def fault_amount(fault: FaultKind, given: FaultAmounts, *, tick_ms: float) -> float:

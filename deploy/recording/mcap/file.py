@@ -17,7 +17,7 @@ import orjson
 from mcap.writer import CompressionType, Writer
 
 from deploy.recording.logical_digest import logical_sha256
-from deploy.recording.mcap import bodies, realtime, schema
+from deploy.recording.mcap import bodies, realtime, realtime_schema, schema
 from deploy.recording.mcap.contents import (
     DAMAGE,
     FACTS,
@@ -217,12 +217,16 @@ class _Reading:
                 self.timings.append((board, bodies.to_timing(orjson.loads(data))))
             case schema.OUTCOME.name:
                 self.outcome = bodies.to_outcome(orjson.loads(data))
-            case realtime.TURN.name | realtime.LAST_WORD.name | realtime.PACE.name:
+            case (
+                realtime_schema.TURN.name
+                | realtime_schema.LAST_WORD.name
+                | realtime_schema.PACE.name
+            ):
                 self._take_told(kind, topic, orjson.loads(data))
 
     def _take_told(self, kind: str, topic: str, body: bodies.Body) -> None:
         """Take what was told of a run in realtime; turns when the last of their frame is there."""
-        if kind == realtime.PACE.name:
+        if kind == realtime_schema.PACE.name:
             self.realtime.append((PLANT, realtime.to_pace(body)))
             return
         told = self._told[topic]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from deploy.recording.epochs import epochs
 from deploy.recording.fates import FrameOutcome
 from deploy.recording.frame_fate import FrameFate
-from deploy.recording.mcap import bodies, realtime, schema, topics
+from deploy.recording.mcap import bodies, realtime, realtime_schema, schema, topics
 from deploy.recording.mcap.bodies import Body
 from deploy.recording.mcap.schema import Kind
 from deploy.recording.reconstruction import (
@@ -62,14 +62,14 @@ def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]
         found[topics.torque(joint)] = schema.TORQUE
         found[topics.timing(joint)] = schema.BOARD_TIMING
         if in_realtime:
-            found[topics.torque(joint)] = realtime.IN_FORCE
-            found[topics.turn(joint)] = realtime.TURN
-            found[topics.last_word(joint)] = realtime.LAST_WORD
+            found[topics.torque(joint)] = realtime_schema.IN_FORCE
+            found[topics.turn(joint)] = realtime_schema.TURN
+            found[topics.last_word(joint)] = realtime_schema.LAST_WORD
             continue
         for other in neighbours(board, len(joints)):
             found[topics.link(joint, joints[other])] = schema.LINK
     if in_realtime:
-        found |= {topics.EPOCH: realtime.ELECTED, topics.PACE: realtime.PACE}
+        found |= {topics.EPOCH: realtime_schema.ELECTED, topics.PACE: realtime_schema.PACE}
     return found
 
 

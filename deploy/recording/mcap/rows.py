@@ -5,34 +5,35 @@ Rule 2: a file is believed. What its messages say need not follow from its recor
         `decmesh replay` finds out. But a row has the types of its fields, or the file is refused.
 """
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import msgspec
 
-from deploy.recording.mcap import realtime, schema
-from deploy.recording.mcap.contents import DAMAGE, Content, NoRecordingError, contents
+from deploy.recording.mcap import realtime_schema, schema
+from deploy.recording.mcap.contents import DAMAGE, NoRecordingError, Registry, messages, parts
 
 Numbers = list[float]
 Integers = list[int]
 
 
-class ScenarioRow(msgspec.Struct):
+class ScenarioRow(msgspec.Struct, gc=False):
     """What was run."""
 
     resolved: str
     """JSON text."""
 
 
-class FactsRow(msgspec.Struct):
+class FactsRow(msgspec.Struct, gc=False):
     """Where and with what it was run."""
 
     all: str
     """JSON text."""
 
 
-class TickRow(msgspec.Struct):
+class TickRow(msgspec.Struct, gc=False):
     """The body in one tick."""
 
     tick: int
@@ -41,7 +42,7 @@ class TickRow(msgspec.Struct):
     torques_nm: Numbers
 
 
-class TorqueRow(msgspec.Struct):
+class TorqueRow(msgspec.Struct, gc=False):
     """What a board answered."""
 
     tick: int
@@ -56,7 +57,7 @@ class TorqueRow(msgspec.Struct):
     candidate: int
 
 
-class LinkRow(msgspec.Struct):
+class LinkRow(msgspec.Struct, gc=False):
     """A link frame, by what became of it."""
 
     tick: int
@@ -65,7 +66,7 @@ class LinkRow(msgspec.Struct):
     frame_bytes: int
 
 
-class EpochRow(msgspec.Struct):
+class EpochRow(msgspec.Struct, gc=False):
     """One election."""
 
     epoch: int
@@ -78,14 +79,14 @@ class EpochRow(msgspec.Struct):
     y: Integers
 
 
-class EventRow(msgspec.Struct):
+class EventRow(msgspec.Struct, gc=False):
     """What happened to the robot."""
 
     event: str
     """JSON text."""
 
 
-class PlantTimingRow(msgspec.Struct):
+class PlantTimingRow(msgspec.Struct, gc=False):
     """When the plant did what in a tick."""
 
     tick: int
@@ -94,7 +95,7 @@ class PlantTimingRow(msgspec.Struct):
     closed_ns: int
 
 
-class BoardTickRow(msgspec.Struct):
+class BoardTickRow(msgspec.Struct, gc=False):
     """When a board did what in a tick."""
 
     taken_up_us: int
@@ -104,7 +105,7 @@ class BoardTickRow(msgspec.Struct):
     second_arrived_us: int
 
 
-class BoardTimingRow(msgspec.Struct):
+class BoardTimingRow(msgspec.Struct, gc=False):
     """When a board did what in some ticks on end, and what it has used."""
 
     incarnation: int
@@ -116,7 +117,7 @@ class BoardTimingRow(msgspec.Struct):
     ticks: list[BoardTickRow]
 
 
-class LinkRefusedRow(msgspec.Struct):
+class LinkRefusedRow(msgspec.Struct, gc=False):
     """Frames that a board refused of a neighbour."""
 
     sender: str
@@ -125,7 +126,7 @@ class LinkRefusedRow(msgspec.Struct):
     frames: int
 
 
-class NetworkRefusedRow(msgspec.Struct):
+class NetworkRefusedRow(msgspec.Struct, gc=False):
     """Frames that a board refused though no link model had touched them."""
 
     joint: str
@@ -133,14 +134,14 @@ class NetworkRefusedRow(msgspec.Struct):
     frames: int
 
 
-class RefusedRow(msgspec.Struct):
+class RefusedRow(msgspec.Struct, gc=False):
     """Frames that boards refused."""
 
     by_link: list[LinkRefusedRow]
     by_network: list[NetworkRefusedRow]
 
 
-class OutcomeRow(msgspec.Struct):
+class OutcomeRow(msgspec.Struct, gc=False):
     """How the run ended."""
 
     tick: int
@@ -150,14 +151,14 @@ class OutcomeRow(msgspec.Struct):
     wall_s: float
 
 
-class TakenRow(msgspec.Struct):
+class TakenRow(msgspec.Struct, gc=False):
     """What a turn was played with of one neighbour."""
 
     newest_tick: int
     before: int
 
 
-class TurnRow(msgspec.Struct):
+class TurnRow(msgspec.Struct, gc=False):
     """One turn of a board in realtime."""
 
     incarnation: int
@@ -172,7 +173,7 @@ class TurnRow(msgspec.Struct):
     taken: list[TakenRow]
 
 
-class PaceRow(msgspec.Struct):
+class PaceRow(msgspec.Struct, gc=False):
     """How the plant kept up with the wall clock."""
 
     behind_ms_max: float
@@ -192,35 +193,56 @@ READ = frozenset(
         schema.BOARD_TIMING.name,
         schema.REFUSED.name,
         schema.OUTCOME.name,
-        realtime.TURN.name,
-        realtime.PACE.name,
+        realtime_schema.TURN.name,
+        realtime_schema.PACE.name,
     }
 )
 """Kinds of messages that are read; observations, the largest, and last words are not."""
 
+TICK = schema.PLANT_TICK.name
 Row = TypeVar("Row", bound=msgspec.Struct)
+Keeper = tuple[Callable[[bytes], None], Callable[[int], None], bool]
+"""Keeps a message, and its place, of a channel; and whether it is the plant's ticks."""
 
 
 class Channels:
     """The messages of a file by their topics."""
 
-    def __init__(self) -> None:
+    def __init__(self, file: IO[bytes]) -> None:
         self.metadata: dict[str, str] = {}
-        self._messages: dict[str, list[bytes]] = {}
-        self._places: dict[str, list[int]] = {}
+        self.ticks = 0
+        """How many ticks of the plant were told so far."""
+        self._registry = Registry(READ)
+        self._messages: defaultdict[str, list[bytes]] = defaultdict(list)
+        self._places: defaultdict[str, list[int]] = defaultdict(list)
+        self._keepers: dict[int, Keeper] = {}
+        self._parts = parts(file, self._registry)
 
-    def take(self, content: Content, place: int) -> None:
-        """Keep a message, and how many ticks were told before it."""
-        self._messages.setdefault(content.topic, []).append(content.data)
-        self._places.setdefault(content.topic, []).append(place)
+    def read(self) -> None:
+        """Read the file to its end. Raises one of `DAMAGE`."""
+        for part in self._parts:
+            if isinstance(part, dict):
+                self.metadata = part
+                continue
+            for number, data in messages(part, self._registry):
+                keep, place, is_tick = self._keepers.get(number) or self._keeper(number)
+                keep(data)
+                place(self.ticks)
+                self.ticks += is_tick
+
+    def _keeper(self, number: int) -> Keeper:
+        kind, topic = self._registry.channels[number]
+        found = self._messages[topic].append, self._places[topic].append, kind == TICK
+        self._keepers[number] = found
+        return found
 
     def rows(self, topic: str, kind: type[Row]) -> list[Row]:
         """All messages of a topic. Raises `msgspec.MsgspecError` or ValueError."""
-        messages = self._messages.get(topic, [])
+        found = self._messages.get(topic, [])
         # All at once: what is read one by one takes twice as long. Numbers that are none are words.
-        rows = msgspec.json.decode(b"[%b]" % b",".join(messages), type=list[kind], strict=False)  # type: ignore[valid-type]
-        if len(rows) != len(messages):
-            raise ValueError(f"{len(messages)} messages on {topic} say {len(rows)} things")
+        rows = msgspec.json.decode(b"[%b]" % b",".join(found), type=list[kind], strict=False)  # type: ignore[valid-type]
+        if len(rows) != len(found):
+            raise ValueError(f"{len(found)} messages on {topic} say {len(rows)} things")
         return rows
 
     def places(self, topic: str) -> Sequence[int]:
@@ -235,19 +257,14 @@ class Channels:
 
 def read_channels(path: Path) -> Channels:
     """Read a file of ours. Raises OSError or `NoRecordingError`."""
-    found, ticks = Channels(), 0
     with path.open("rb") as file:
+        found = Channels(file)
         try:
-            for item in contents(file, READ):
-                if isinstance(item, Content):
-                    found.take(item, ticks)
-                    ticks += item.kind == schema.PLANT_TICK.name
-                else:
-                    found.metadata = item
+            found.read()
         except NoRecordingError:
             raise
         except DAMAGE as error:
-            left = "decmesh recover reads what" if ticks else "nothing of the run"
+            left = "decmesh recover reads what" if found.ticks else "nothing of the run"
             raise NoRecordingError(f"it is damaged or cut off; {left} comes before that") from error
     if not found.metadata:
         raise NoRecordingError("it is an MCAP file, but not of decmesh")

@@ -12,7 +12,8 @@ from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
 from deploy.report.page import Block, Figure, Section, Table
-from deploy.report.runs import Pictures, Run, remarks
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
     NO_BARRIER,
     NO_WALL_TIME,
@@ -23,7 +24,7 @@ from deploy.report.sections.run_table import (
 )
 
 
-def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
+def agreement(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """Rounds and times, as figures and as numbers; or why there are none."""
     ticking = [run for run in runs if not run.in_realtime]
     electing = [run for run in ticking if run.epochs is not None and len(run.epochs.number)]
@@ -51,19 +52,19 @@ def agreement(runs: Sequence[Run], pictures: Pictures) -> Section:
     return Section("agreement", "Agreement", blocks)
 
 
-def _rounds_matrix(run: Run) -> Drawing:
+def _rounds_matrix(run: ReportedRun) -> Drawing:
     assert run.epochs is not None
     rounds = run.recording.trajectory.scenario.election.rounds
     return charts.rounds_matrix(run.epochs, run.joints, rounds)
 
 
-def _decision_figures(timed: Sequence[Run], pictures: Pictures) -> list[Figure]:
+def _decision_figures(timed: Sequence[ReportedRun], pictures: Pictures) -> list[Figure]:
     taken_ms = {run.number: _decisions_ms(run) for run in timed}
     shared = log_limits(list(taken_ms.values()))
     if shared is None:
         return []
 
-    def draw(run: Run) -> Drawing:
+    def draw(run: ReportedRun) -> Drawing:
         boards = len(run.joints)
         groups = [
             Group(joint, board_colour(board, boards), taken_ms[run.number][:, board])
@@ -81,13 +82,13 @@ def _decision_figures(timed: Sequence[Run], pictures: Pictures) -> list[Figure]:
     )
 
 
-def _decisions_ms(run: Run) -> Floats:
+def _decisions_ms(run: ReportedRun) -> Floats:
     assert run.epochs is not None
     taken_ms: Floats = decisions_ns(run.recording, run.epochs) / NS_PER_MS
     return taken_ms
 
 
-def _ticks_table(runs: Sequence[Run], electing: Sequence[Run]) -> Table:
+def _ticks_table(runs: Sequence[ReportedRun], electing: Sequence[ReportedRun]) -> Table:
     rows = []
     for run in electing:
         assert run.epochs is not None
@@ -109,7 +110,7 @@ def _ticks_table(runs: Sequence[Run], electing: Sequence[Run]) -> Table:
     )
 
 
-def _decision_table(runs: Sequence[Run], timed: Sequence[Run]) -> Table:
+def _decision_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
     rows = []
     for run in timed:
         taken_ms = _decisions_ms(run)

@@ -9,7 +9,8 @@ from deploy.outcome.drawing import INK
 from deploy.outcome.figures import DOTS_PER_INCH, WIDTH_IN
 from deploy.outcome.foot_margin import cop_m
 from deploy.report.page import Block
-from deploy.report.runs import Pictures, Run
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun
 from deploy.report.sections.run_table import NONE, run_table
 
 HEIGHT_IN = 1.7
@@ -18,7 +19,7 @@ BEYOND = 0.2
 """So much more than the sole is shown, of its length."""
 
 
-def foot(runs: Sequence[Run], pictures: Pictures) -> list[Block]:
+def foot(runs: Sequence[ReportedRun], pictures: Pictures) -> list[Block]:
     """The centre of pressure over time, and its margin; nothing of bodies without a foot."""
     standing = [run for run in runs if run.summary["foot"] is not None]
     if not standing:
@@ -51,7 +52,7 @@ def foot(runs: Sequence[Run], pictures: Pictures) -> list[Block]:
     ]
 
 
-def draw_foot(run: Run) -> Figure:
+def draw_foot(run: ReportedRun) -> Figure:
     """Draw the centre of pressure of one run over its time, within the sole."""
     trajectory = run.recording.trajectory
     sole = trajectory.scenario.boards[0].foot

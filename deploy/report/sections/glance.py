@@ -9,14 +9,14 @@ from deploy.recording.frame_fate import FrameFate
 from deploy.recording.latency import Spread, decisions_ns, spread, ticks_ns
 from deploy.recording.link_counts import MISSED, total
 from deploy.report.page import Section, Table
-from deploy.report.runs import Run
+from deploy.report.runs import ReportedRun
 from deploy.report.sections.run_table import NONE
 
 DIGITS = 12
 """Shown of a digest; `summary.json` has the whole."""
 
 
-def glance(runs: Sequence[Run]) -> Section:
+def glance(runs: Sequence[ReportedRun]) -> Section:
     """Facts and outcomes, one column for each run."""
     header = ["", *(run.label for run in runs)]
     facts = Table(
@@ -30,38 +30,38 @@ def glance(runs: Sequence[Run]) -> Section:
     return Section("glance", "At a glance", [facts])
 
 
-def _ended(run: Run) -> str:
+def _ended(run: ReportedRun) -> str:
     ending = str(run.summary["ending"])
     return ending if run.recording.complete else f"{ending} (recording incomplete)"
 
 
-def _length(run: Run) -> str:
+def _length(run: ReportedRun) -> str:
     return f"{run.summary['simulated_s']:g} s, {run.summary['ticks']:,} ticks"
 
 
-def _speed(run: Run) -> str:
+def _speed(run: ReportedRun) -> str:
     per_s, wall_s = run.summary["ticks_per_s"], run.summary["wall_s"]
     return NONE if per_s is None else f"{wall_s:.1f} s, {per_s:,.0f} ticks/s"
 
 
-def _seldom(run: Run, number: Callable[[Run], int]) -> str:
+def _seldom(run: ReportedRun, number: Callable[[ReportedRun], int]) -> str:
     if run.epochs is None:
         return NONE
     return f"{number(run)} of {len(run.epochs.number)}"
 
 
-def _enabled(run: Run, least: int, most: int) -> int:
+def _enabled(run: ReportedRun, least: int, most: int) -> int:
     assert run.epochs is not None
     boards = run.epochs.enabled_boards
     return int(((boards >= least) & (boards <= most)).sum())
 
 
-def _never(run: Run) -> int:
+def _never(run: ReportedRun) -> int:
     assert run.epochs is not None
     return int((run.epochs.agreed_after == NOT_KNOWN).sum())
 
 
-def _rounds(run: Run) -> str:
+def _rounds(run: ReportedRun) -> str:
     if run.epochs is None:
         return NONE
     agreed = run.epochs.agreed_after
@@ -69,7 +69,7 @@ def _rounds(run: Run) -> str:
     return NONE if found is None else f"{found.p50:g} (p50), {found.most:g} (max)"
 
 
-def _missed(run: Run) -> str:
+def _missed(run: ReportedRun) -> str:
     times = run.recording.realtime
     if times is None:
         return NONE
@@ -78,11 +78,11 @@ def _missed(run: Run) -> str:
     return f"{missed:,} of {periods:,} ({100.0 * missed / max(periods, 1):.2f} %)"
 
 
-def _tick(run: Run) -> str:
+def _tick(run: ReportedRun) -> str:
     return NONE if run.in_realtime else _ms(spread(ticks_ns(run.recording)))
 
 
-def _decision(run: Run) -> str:
+def _decision(run: ReportedRun) -> str:
     times = run.recording.realtime
     if times is not None:
         return _ms(spread(np.concatenate([board.decision_ms for board in times.boards]) * 1e6))
@@ -96,7 +96,7 @@ def _ms(found: Spread | None) -> str:
     return f"{found.p50 / 1e6:.2f} ms (p50), {found.p99 / 1e6:.2f} ms (p99)"
 
 
-def _frames(run: Run, *counted: FrameFate) -> str:
+def _frames(run: ReportedRun, *counted: FrameFate) -> str:
     sent, fates = total(run.links)
     if not sent:
         return NONE
@@ -104,11 +104,11 @@ def _frames(run: Run, *counted: FrameFate) -> str:
     return f"{frames:,} ({100.0 * frames / sent:.2f} %)"
 
 
-def _versions(run: Run) -> str:
+def _versions(run: ReportedRun) -> str:
     return ", ".join(f"{name} {version or NONE}" for name, version in run.versions.items()) or NONE
 
 
-FACTS: dict[str, Callable[[Run], str]] = {
+FACTS: dict[str, Callable[[ReportedRun], str]] = {
     "scenario": lambda run: f"{run.summary['scenario']}, seed {run.summary['seed']}",
     "controller": lambda run: f"{run.summary['controller']}, in {run.mode}",
     "boards": lambda run: ", ".join(run.joints),

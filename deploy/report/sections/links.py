@@ -11,7 +11,8 @@ from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import log_limits
 from deploy.report.page import Block, Figure, Section, Table
-from deploy.report.runs import Pictures, Run, remarks
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
     NO_BARRIER,
     NO_WALL_TIME,
@@ -42,7 +43,7 @@ NO_SHARED_CLOCK = (
 NOT_TIMED = "No one-way times: the boards told the plant of none."
 
 
-def traffic(runs: Sequence[Run], pictures: Pictures) -> Section:
+def traffic(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """Fates and one-way times, as figures and as numbers; or why there are none."""
     linked = [run for run in runs if any(link.sent for link in run.links)]
     ways = {run.number: found for run in linked if (found := _ways_ms(run))}
@@ -72,7 +73,7 @@ def traffic(runs: Sequence[Run], pictures: Pictures) -> Section:
     return Section("links", "Links", blocks)
 
 
-def _ways_ms(run: Run) -> list[tuple[str, Floats]]:
+def _ways_ms(run: ReportedRun) -> list[tuple[str, Floats]]:
     """One-way times of each link that has any."""
     if not run.recording.clocks_shared:
         return []
@@ -83,14 +84,14 @@ def _ways_ms(run: Run) -> list[tuple[str, Floats]]:
     return [(name, ways_ms) for name, ways_ms in found if np.isfinite(ways_ms).any()]
 
 
-def _why_untimed(run: Run) -> str:
+def _why_untimed(run: ReportedRun) -> str:
     if not run.timed:
         return NO_WALL_TIME
     return NOT_TIMED if run.recording.clocks_shared else NO_SHARED_CLOCK
 
 
 def _way_figures(
-    runs: Sequence[Run], ways: dict[int, list[tuple[str, Floats]]], pictures: Pictures
+    runs: Sequence[ReportedRun], ways: dict[int, list[tuple[str, Floats]]], pictures: Pictures
 ) -> list[Figure]:
     rows: dict[int, list[tuple[str, Spread]]] = {
         number: [(name, times) for name, of in found if (times := spread(of)) is not None]
@@ -110,7 +111,7 @@ def _way_figures(
     )
 
 
-def _links_table(runs: Sequence[Run], linked: Sequence[Run]) -> Table:
+def _links_table(runs: Sequence[ReportedRun], linked: Sequence[ReportedRun]) -> Table:
     found = {fate for run in linked for link in run.links for fate in FATES if link.fates[fate]}
     used = [fate for fate in FATES if fate in found | ALWAYS_COUNTED]
     rows = [
@@ -139,7 +140,7 @@ def _links_table(runs: Sequence[Run], linked: Sequence[Run]) -> Table:
     )
 
 
-def _refused_table(runs: Sequence[Run]) -> list[Table]:
+def _refused_table(runs: Sequence[ReportedRun]) -> list[Table]:
     """What boards refused though no link model had touched it: trouble of the real network."""
     rows = [
         (run, [joint, _reasons(refused)])
@@ -157,7 +158,7 @@ def _refused_table(runs: Sequence[Run]) -> list[Table]:
     return [run_table(runs, "Refused from the network", reading, header, rows, last_is_text=True)]
 
 
-def _ways_table(runs: Sequence[Run], ways: dict[int, list[tuple[str, Floats]]]) -> Table:
+def _ways_table(runs: Sequence[ReportedRun], ways: dict[int, list[tuple[str, Floats]]]) -> Table:
     rows = [
         (run, [name, *spread_cells(ways_ms, ".3f")])
         for run in runs

@@ -14,7 +14,8 @@ from deploy.outcome import table_ii as table
 from deploy.report.charts.spacetime import Scene, spacetime, telling_epoch
 from deploy.report.charts.strips import Strips, limits, strips
 from deploy.report.page import Block, Figure, Section, Table
-from deploy.report.runs import Pictures, Run, remarks, titled
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, remarks, titled
 from deploy.report.sections.foot import foot
 from deploy.report.sections.run_table import NO_BARRIER
 from protocol.process.exit_codes import ExitCode
@@ -24,7 +25,7 @@ FOLDED_FROM = 25
 NOBODY_ELECTED = "All boards move all the time: nobody is elected."
 
 
-def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
+def motion(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """The paper's three panels and its table, and the foot of bodies that have one."""
     motions = [(run.label if len(runs) > 1 else "", run.recording.trajectory) for run in runs]
     strip = any(run.epochs is not None for run in runs)
@@ -33,13 +34,13 @@ def motion(runs: Sequence[Run], pictures: Pictures) -> Section:
         "A: each link's angle from the vertical over time and, below, a bar while a board is"
         " enabled; B: the way of the centre of mass, a dot each 10 ms; C: the body at even"
         " distances along its way; B and C are light at the start and dark at the end.",
-        [pictures.draw("motion", partial(figures.stacked, motions, strip=strip))],
+        [pictures.add("motion", partial(figures.stacked, motions, strip=strip))],
         wide=True,
     )
     return Section("motion", "Motion", [panels, _indices(runs), *foot(runs, pictures)])
 
 
-def _indices(runs: Sequence[Run]) -> Table:
+def _indices(runs: Sequence[ReportedRun]) -> Table:
     """Table II, the paper's numbers before ours where the run is of the paper's scenario."""
     columns = [
         table.Run(int(run.summary["controller"] == "distributed"), run.summary) for run in runs
@@ -72,7 +73,7 @@ def _indices(runs: Sequence[Run]) -> Table:
     )
 
 
-def elections(runs: Sequence[Run], pictures: Pictures) -> Section:
+def elections(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """Who was enabled, w, rounds, frames and faults over time."""
     drawn = {run.number: Strips(run.recording, run.epochs, run.happened) for run in runs}
     shared = limits(list(drawn.values()))
@@ -90,7 +91,7 @@ def elections(runs: Sequence[Run], pictures: Pictures) -> Section:
     return Section("elections", "Elections", [*over_time, *without])
 
 
-def one_epoch(runs: Sequence[Run], pictures: Pictures, number: int | None) -> Section:
+def one_epoch(runs: Sequence[ReportedRun], pictures: Pictures, number: int | None) -> Section:
     """One epoch as a space-time diagram: the one asked for, else one that lost a frame."""
     ticking = [run for run in runs if not run.in_realtime]
     scenes = {run.number: scene for run in ticking if (scene := _scene(run, number)) is not None}
@@ -120,7 +121,7 @@ def one_epoch(runs: Sequence[Run], pictures: Pictures, number: int | None) -> Se
     )
 
 
-def _scene(run: Run, number: int | None) -> Scene | None:
+def _scene(run: ReportedRun, number: int | None) -> Scene | None:
     epochs = run.epochs
     if epochs is None or not len(epochs.number):
         return None
@@ -134,7 +135,7 @@ def _scene(run: Run, number: int | None) -> Scene | None:
     return Scene(run.recording, epochs, int(found[0]))
 
 
-def happenings(runs: Sequence[Run]) -> Section:
+def happenings(runs: Sequence[ReportedRun]) -> Section:
     """Every fault and command, in words."""
     blocks: list[Block] = []
     for run in runs:

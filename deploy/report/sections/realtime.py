@@ -14,7 +14,8 @@ from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
 from deploy.report.page import Block, Figure, Remark, Section, Table
-from deploy.report.runs import Pictures, Run, remarks
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import NONE, SPREAD_HEADER, run_table, spread_cells
 
 POLICIES = {"skip": "left out", "catch-up": "made up for, up to 10 at a time"}
@@ -23,7 +24,7 @@ BIN_S = 0.1
 Of = Callable[[BoardTimes], Floats]
 
 
-def realtime(runs: Sequence[Run], pictures: Pictures) -> Section:
+def realtime(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """Everything about the runs in realtime."""
     kept = [run for run in runs if run.in_realtime]
     blocks: list[Block] = [
@@ -71,25 +72,25 @@ def realtime(runs: Sequence[Run], pictures: Pictures) -> Section:
     return Section("realtime", "Realtime", blocks)
 
 
-def _times(run: Run) -> RealtimeTimes:
+def _times(run: ReportedRun) -> RealtimeTimes:
     times = run.recording.realtime
     assert times is not None
     return times
 
 
-def _boards(run: Run) -> Iterator[tuple[str, BoardTimes]]:
+def _boards(run: ReportedRun) -> Iterator[tuple[str, BoardTimes]]:
     return zip(run.joints, _times(run).boards, strict=True)
 
 
-def _verdicts(runs: Sequence[Run], kept: Sequence[Run]) -> Iterator[Remark]:
+def _verdicts(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Iterator[Remark]:
     for run in kept:
         yield from remarks(runs, [run], verdict(run.summary["realtime"]))
 
 
-def _missed_figures(kept: Sequence[Run], pictures: Pictures) -> list[Figure]:
+def _missed_figures(kept: Sequence[ReportedRun], pictures: Pictures) -> list[Figure]:
     end_s = max(BIN_S, *(run.summary["simulated_s"] for run in kept))
 
-    def draw(run: Run) -> Drawing:
+    def draw(run: ReportedRun) -> Drawing:
         shares = [_missed_shares(board, run.summary["simulated_s"]) for _, board in _boards(run)]
         return charts.over_time(np.array(shares), BIN_S, end_s, run.joints)
 
@@ -116,7 +117,7 @@ def _missed_shares(board: BoardTimes, length_s: float) -> Floats:
 
 def _histograms(
     name: str,
-    kept: Sequence[Run],
+    kept: Sequence[ReportedRun],
     pictures: Pictures,
     of: Of,
     *,
@@ -129,7 +130,7 @@ def _histograms(
     if shared is None:
         return []
 
-    def draw(run: Run) -> Drawing:
+    def draw(run: ReportedRun) -> Drawing:
         groups = [
             Group(joint, board_colour(number, len(run.joints)), of(board))
             for number, (joint, board) in enumerate(_boards(run))
@@ -139,7 +140,7 @@ def _histograms(
     return pictures.each(name, kept, draw, title=title, reading=reading)
 
 
-def _ages(run: Run) -> Iterator[tuple[str, Floats]]:
+def _ages(run: ReportedRun) -> Iterator[tuple[str, Floats]]:
     """Everything that has an age when it is used, by what and where."""
     for joint, board in _boards(run):
         yield f"{joint}: observation", board.observation_age_ms
@@ -149,7 +150,7 @@ def _ages(run: Run) -> Iterator[tuple[str, Floats]]:
         yield f"plant: torque of {joint}", board.torque_age_ms
 
 
-def _age_figures(kept: Sequence[Run], pictures: Pictures) -> list[Figure]:
+def _age_figures(kept: Sequence[ReportedRun], pictures: Pictures) -> list[Figure]:
     rows: dict[int, list[tuple[str, Spread]]] = {
         run.number: [(name, found) for name, of in _ages(run) if (found := spread(of)) is not None]
         for run in kept
@@ -169,7 +170,7 @@ def _age_figures(kept: Sequence[Run], pictures: Pictures) -> list[Figure]:
     )
 
 
-def _deadline_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
+def _deadline_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
     rows = []
     for run in kept:
         policy = POLICIES[_times(run).policy]
@@ -191,7 +192,7 @@ def _deadline_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
     )
 
 
-def _loop_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
+def _loop_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
     rows = []
     for run in kept:
         for joint, board in _boards(run):
@@ -211,7 +212,7 @@ def _loop_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
     )
 
 
-def _age_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
+def _age_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
     rows = [
         (run, [name, *spread_cells(ages_ms, ".3f")]) for run in kept for name, ages_ms in _ages(run)
     ]
@@ -225,7 +226,7 @@ def _age_table(runs: Sequence[Run], kept: Sequence[Run]) -> Table:
     )
 
 
-def _election_tables(runs: Sequence[Run], kept: Sequence[Run]) -> Iterator[Table]:
+def _election_tables(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Iterator[Table]:
     rows = []
     for run in kept:
         epochs = run.epochs

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from deploy.recording.latency import Spread, spread
 from deploy.recording.trajectory import Floats
 from deploy.report.page import Table
-from deploy.report.runs import Run
+from deploy.report.runs import ReportedRun
 
 NONE = "-"
 SPREAD_HEADER = ["known", "p50", "p90", "p99", "max"]
@@ -13,11 +13,11 @@ NS_PER_MS = 1e6
 NO_WALL_TIME = "A twin has no wall time: its boards and its plant take turns in one process."
 NO_BARRIER = "In realtime nobody waits for a frame or a tick: see Realtime for the times."
 
-Row = tuple[Run, Sequence[str]]
+Row = tuple[ReportedRun, Sequence[str]]
 
 
 def run_table(
-    runs: Sequence[Run],
+    runs: Sequence[ReportedRun],
     title: str,
     reading: str,
     header: Sequence[str],

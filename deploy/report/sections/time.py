@@ -6,7 +6,8 @@ from deploy.recording.latency import gaps_ns, ticks_ns, waits
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
 from deploy.report.page import Block, Section, Table
-from deploy.report.runs import Pictures, Run, remarks
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
     NO_BARRIER,
     NO_WALL_TIME,
@@ -18,7 +19,7 @@ from deploy.report.sections.run_table import (
 )
 
 
-def effort(runs: Sequence[Run], pictures: Pictures) -> Section:
+def effort(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     """Times and effort, as figures and as numbers; or why there are none."""
     ticking = [run for run in runs if not run.in_realtime]
     timed = [run for run in ticking if run.timed]
@@ -51,7 +52,7 @@ def effort(runs: Sequence[Run], pictures: Pictures) -> Section:
     return Section("time", "Time and effort", blocks)
 
 
-def _time_table(runs: Sequence[Run], timed: Sequence[Run]) -> Table:
+def _time_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
     rows = [
         (run, [name, *spread_cells(values_ns / NS_PER_MS, ".3f")])
         for run in timed
@@ -70,7 +71,7 @@ def _time_table(runs: Sequence[Run], timed: Sequence[Run]) -> Table:
     )
 
 
-def _waits_table(runs: Sequence[Run], timed: Sequence[Run]) -> Table:
+def _waits_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
     rows = []
     for run in timed:
         found = waits(run.recording)
@@ -88,7 +89,7 @@ def _waits_table(runs: Sequence[Run], timed: Sequence[Run]) -> Table:
     )
 
 
-def _effort_table(runs: Sequence[Run], timed: Sequence[Run]) -> list[Table]:
+def _effort_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> list[Table]:
     rows = []
     for run in timed:
         wall_s = run.summary["wall_s"]

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from deploy.launch.folders import new_folder
 from deploy.launch.processes import SPOOL, RunFailedError, Watch
-from deploy.launch.run import new_folder, run
+from deploy.launch.run import run
 from deploy.scenario_file.load import load
 from plant_server.record import COMPLETE, STOPPED
 from plant_server.spool.spool import Spool, read_spool

@@ -23,7 +23,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first = look_at(recording(run("storm")), "<img src=x> & co", 1)
     second = recording(run("paper", "run.duration_s=0.5"), timed=False)
     runs = [first, look_at(unfinished(second), "twin", 2)]
-    return write(*compose(runs), tmp_path_factory.mktemp("report"))[0]
+    page, pictures = compose(runs)
+    pictures.draw()
+    return write(page, pictures, tmp_path_factory.mktemp("report"))[0]
 
 
 @pytest.fixture(scope="module", params=[TELEPHONE, DESK])

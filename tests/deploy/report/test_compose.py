@@ -18,7 +18,8 @@ from deploy.recording.frame_fate import FrameFate
 from deploy.recording.trajectory import Trajectory
 from deploy.report.compose import PICTURES, REPORT, compose, write
 from deploy.report.page import Figure, Page, Table
-from deploy.report.runs import Pictures, look_at
+from deploy.report.pictures import Pictures
+from deploy.report.runs import look_at
 from deploy.report.sections.links import NO_SHARED_CLOCK, traffic
 from deploy.report.sections.motion_and_elections import motion, one_epoch
 from deploy.report.sections.run_table import NO_WALL_TIME
@@ -45,7 +46,9 @@ def cut(of: Trajectory, ticks: int) -> Trajectory:
 
 def page_of(*recordings: Recording) -> Page:
     several = enumerate(recordings, 1)
-    return compose([look_at(of, f"run {number}", number) for number, of in several])[0]
+    page, pictures = compose([look_at(of, f"run {number}", number) for number, of in several])
+    pictures.draw()
+    return page
 
 
 def titles(page: Page) -> list[str]:
@@ -152,7 +155,10 @@ def test_the_papers_numbers_stand_beside_ours_in_the_papers_scenario_only(
     name: str, published: int
 ) -> None:
     of = look_at(recording(run(name, "run.duration_s=0.5")), "run")
-    written = Page("", "", [motion([of], Pictures(several=False))]).html()
+    pictures = Pictures(several=False)
+    page = Page("", "", [motion([of], pictures)])
+    pictures.draw()
+    written = page.html()
     assert written.count("published, distributed") == published
     assert written.count(">2.1166°<") == published
 
@@ -188,6 +194,7 @@ def test_an_epoch_can_be_chosen_and_one_that_is_not_there_is_refused() -> None:
     chosen = [Pictures(several=False) for _ in range(5)]
     for number, pictures in enumerate(chosen):
         one_epoch([of], pictures, number)
+        pictures.draw()
     assert len({pictures.images[0].svg for pictures in chosen}) == 5
     with pytest.raises(FailedError, match="run has no epoch 5; it has 0 to 4") as failed:
         one_epoch([of], Pictures(several=False), 5)
@@ -196,6 +203,7 @@ def test_an_epoch_can_be_chosen_and_one_that_is_not_there_is_refused() -> None:
 
 def test_each_picture_is_written_beside_the_page_drawn_and_as_pixels(tmp_path: Path) -> None:
     composed = compose([look_at(recording(run("lossy", "run.duration_s=0.5")), "run")])
+    composed[1].draw()
     page, *pictures = write(*composed, tmp_path)
     assert page == tmp_path / REPORT
     names = [image.name for image in composed[1].images]

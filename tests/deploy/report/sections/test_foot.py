@@ -5,7 +5,8 @@ import pytest
 
 from deploy.outcome.foot_margin import foot_margin
 from deploy.report.page import Figure, Table
-from deploy.report.runs import Pictures, Run, look_at
+from deploy.report.pictures import Pictures
+from deploy.report.runs import ReportedRun, look_at
 from deploy.report.sections.foot import draw_foot, foot
 from tests.deploy.recordings import recording, run
 
@@ -14,11 +15,11 @@ HEEL = "board.0.foot={ahead_m=0.2, behind_m=0.005}"
 
 
 @pytest.fixture(scope="module")
-def tipping() -> Run:
+def tipping() -> ReportedRun:
     return look_at(recording(run("paper", "run.duration_s=1", HEEL)), "tipping")
 
 
-def test_the_pressure_is_drawn_within_the_sole(tipping: Run) -> None:
+def test_the_pressure_is_drawn_within_the_sole(tipping: ReportedRun) -> None:
     (axes,) = draw_foot(tipping).axes
     pressure, marks = axes.lines
     drawn_mm = np.asarray(pressure.get_ydata(), dtype=np.float64)
@@ -27,7 +28,7 @@ def test_the_pressure_is_drawn_within_the_sole(tipping: Run) -> None:
     assert len(np.asarray(marks.get_xdata())) > 0
 
 
-def test_the_margin_is_that_of_the_summary(tipping: Run) -> None:
+def test_the_margin_is_that_of_the_summary(tipping: ReportedRun) -> None:
     figure, table = foot([tipping], Pictures(several=False))
     found = foot_margin(tipping.recording.trajectory)
     assert isinstance(figure, Figure)
@@ -37,7 +38,7 @@ def test_the_margin_is_that_of_the_summary(tipping: Run) -> None:
     assert table.rows == [["the sole", "0.0", str(found.tipping_ticks)]]
 
 
-def test_a_body_without_a_foot_has_no_word_of_it(tipping: Run) -> None:
+def test_a_body_without_a_foot_has_no_word_of_it(tipping: ReportedRun) -> None:
     bare = look_at(recording(run("paper", "run.duration_s=0.3")), "bare", 2)
     assert foot([bare], Pictures(several=False)) == []
     _, table = foot([tipping, bare], Pictures(several=True))

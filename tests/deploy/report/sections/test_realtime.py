@@ -35,7 +35,9 @@ def by_the_wall(*settings: str) -> Recording:
 
 def page_of(*recordings: Recording) -> Page:
     several = enumerate(recordings, 1)
-    return compose([look_at(of, f"run {number}", number) for number, of in several])[0]
+    page, pictures = compose([look_at(of, f"run {number}", number) for number, of in several])
+    pictures.draw()
+    return page
 
 
 def blocks(page: Page) -> dict[str, Figure | Table]:
