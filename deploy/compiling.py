@@ -12,11 +12,11 @@ from protocol.process.compiled import compiled
 MODULES = {
     "protocol/robot": ("chance", "clocks"),
     "module_agent/firmware": (
-        "board", "body_view", "consensus", "counts", "election", "elector", "frame_writer",
+        "board", "body_view", "consensus", "election", "elector", "frame_writer",
         "hearing", "kinematics", "lateness", "plausibility", "sensing", "servo",
     ),
-    "module_agent/firmware/own_time": ("board", "cycle", "election", "mailbox", "sensing", "view"),
-    "module_agent/process": ("network", "realtime_runtime", "runtime"),
+    "module_agent/firmware/own_time": ("board", "cycle", "mailbox", "translator"),
+    "module_agent/process": ("lockstep", "membership", "network", "own_time"),
     "plant_server/body": ("articulated", "body", "disturbances"),
     "plant_server/hardware": ("actuators", "sensor_faults", "sensors"),
     "plant_server/process": ("network", "realtime", "runtime"),

@@ -122,7 +122,7 @@ def test_pure_code_has_no_clock_no_chance_and_no_network(clock_or_chance: str) -
 @pytest.mark.parametrize(
     "module",
     [
-        "module_agent.process.runtime",
+        "module_agent.process.serving",
         "module_agent.__main__",
         "module_agent.process.elector_runtime",
     ],

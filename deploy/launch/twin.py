@@ -9,7 +9,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from module_agent.custom import sandbox as foreign
+from module_agent.assembly import assemble
+from module_agent.custom import sandbox
 from module_agent.firmware.board import Board
 from module_agent.firmware.config import board_config
 from plant_server.record import Outcome, TickRecord
@@ -27,7 +28,7 @@ class Twin:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         for joint in scenario.joints:
-            foreign.check(board_config(scenario, joint))
+            sandbox.check(board_config(scenario, joint))
         self.run_id = run_id(scenario.digest)
         self.lockstep = Lockstep(plant_config(scenario), run_id=self.run_id)
         self.boards: list[Board | None] = [None] * len(scenario.joints)
@@ -84,7 +85,7 @@ class Twin:
         self._incarnations[board] += 1
         incarnation = self._incarnations[board]
         config = board_config(self.scenario, self.scenario.joints[board])
-        self.boards[board] = Board(config, run_id=self.run_id, incarnation=incarnation)
+        self.boards[board] = assemble(config, run_id=self.run_id, incarnation=incarnation)
         self.lockstep.admit(board, incarnation)
 
 

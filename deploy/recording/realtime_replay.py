@@ -17,9 +17,9 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from deploy.recording.replay import UnplayableError
+from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import Actuation
 from module_agent.firmware.config import board_config
-from module_agent.firmware.own_time.board import RealtimeBoard
 from plant_server.record import TickRecord
 from plant_server.session.agenda import Agenda
 from plant_server.session.config import plant_config
@@ -180,7 +180,7 @@ class _BoardReplay:
         self.lived = lived
         self.played = 0
         self.neighbours = config.neighbours
-        self.board = RealtimeBoard(config, run_id=plant.run_id, incarnation=life.incarnation)
+        self.board = assemble_on_own_time(config, run_id=plant.run_id, incarnation=life.incarnation)
         self._told = deque(sorted(plant.observations.get(life, {}).items()))
         self._roster: tuple[Neighbour, ...] = ()
         self._taken = [NO_TICK] * len(config.neighbours)
@@ -209,7 +209,7 @@ class _BoardReplay:
         for link, frame in heard:
             assert frame is not None
             self.board.hear(link, frame)
-        said[self.life, lived.slot * self.board.ticks_per_period] = self.board.play(lived.slot)
+        said[self.life, self.board.own_time.plant_tick(lived.slot)] = self.board.play(lived.slot)
         self._taken = [taken.newest_tick for taken in lived.taken]
         return True
 
@@ -218,7 +218,7 @@ class _BoardReplay:
         actuation = said.get((sender, tick))
         if actuation is None:
             return self._words.get((sender, tick, self.life.board))
-        back = neighbours(sender.board, self.board.config.boards)
+        back = neighbours(sender.board, self.board.board.config.boards)
         return actuation.links[back.index(self.life.board)]
 
     def _heard(self, lived: Lived) -> Iterator[tuple[int, tuple[Life, int]]]:
@@ -227,7 +227,7 @@ class _BoardReplay:
             if newest_tick in (self._taken[link], NO_TICK):
                 continue
             sender = Life(self.neighbours[link], self._roster[link].incarnation)
-            period = self.board.cadence.ticks_per_period[sender.board]
+            period = self.board.own_time.cadence.ticks_per_period[sender.board]
             for age in range(before.bit_length(), 0, -1):
                 if before >> (age - 1) & 1:
                     yield link, (sender, newest_tick - age * period)

@@ -12,6 +12,7 @@ from io import TextIOBase
 from typing import Any, NamedTuple
 
 from deploy.launch.twin import Twin
+from module_agent.assembly import assemble
 from module_agent.firmware.board import Board
 from module_agent.firmware.config import board_config
 from module_agent.firmware.link_model import Fate, LinkModel
@@ -193,7 +194,7 @@ class Replay(Twin):
 
     def _admit(self, board: int, incarnation: int) -> None:
         config = board_config(self.scenario, self.scenario.joints[board])
-        firmware = Board(config, run_id=self.run_id, incarnation=incarnation)
+        firmware = assemble(config, run_id=self.run_id, incarnation=incarnation)
         self.witnesses[board] = [
             Witness(
                 seed=config.seed, sender=sender, receiver=board, standing=hearing.link.parameters

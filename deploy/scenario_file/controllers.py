@@ -151,7 +151,7 @@ def _misfit(source: Source, door: Door) -> str | None:
     except ScenarioError as error:
         return str(error)
     except foreign.FAILURES as error:
-        what, *where = foreign.told(error)
+        what, *where = foreign.summary(error)
         return f"{source.reference}: {what}" + (f" ({where[0]})" if where else "")
     method = getattr(made, door.method, None)
     if not callable(method):

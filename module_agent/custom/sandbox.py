@@ -20,9 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from module_agent.firmware.config import BoardConfig, Source
-from module_agent.firmware.consensus import MaxConsensus
-from module_agent.firmware.controller import Candidate, Controller, ElectionRule, Round, Seen, Vote
-from module_agent.firmware.servo import servo
+from module_agent.firmware.controller import Candidate, FaultError, Round, Seen, Vote
 from protocol.robot.scenario import ScenarioError
 from protocol.robot.states import FaultCode
 
@@ -32,20 +30,14 @@ FAILURES = (Exception, SystemExit)
 """What a controller may raise at its own expense. What ends the process is not among it."""
 
 
-class FaultError(Exception):
-    """A controller from outside has failed."""
-
-    def __init__(self, code: FaultCode, error: BaseException) -> None:
-        theirs = _theirs(error.__traceback__)
-        self.code = code
-        self.trace = "".join(traceback.format_exception(type(error), error, theirs))
-        """The traceback, for people."""
-        self.told = "\n".join(told(error))
-        """The same without what differs between machines."""
-        super().__init__(self.told)
+def fault(code: FaultCode, error: BaseException) -> FaultError:
+    """Tell what a controller has raised, for the wire and for people."""
+    theirs = _theirs(error.__traceback__)
+    trace = "".join(traceback.format_exception(type(error), error, theirs))
+    return FaultError(code, summary="\n".join(summary(error)), trace=trace)
 
 
-def told(error: BaseException) -> list[str]:
+def summary(error: BaseException) -> list[str]:
     """What an exception says, and then where it came from, the innermost line first."""
     whole = traceback.TracebackException(type(error), error, _theirs(error.__traceback__))
     *_, what = whole.format_exception_only()
@@ -69,7 +61,7 @@ class _Walled:
         try:
             self._theirs = load(source)(config)
         except FAILURES as error:
-            self._fault = FaultError(raised, error)
+            self._fault = fault(raised, error)
 
     def _ask(self, method: str, question: object) -> Any:
         if self._fault is not None:
@@ -77,7 +69,7 @@ class _Walled:
         try:
             return getattr(self._theirs, method)(question)
         except FAILURES as error:
-            raise FaultError(self._raised, error) from error
+            raise fault(self._raised, error) from error
 
 
 class WalledController(_Walled):
@@ -92,7 +84,7 @@ class WalledController(_Walled):
         try:
             return _torque(answer)
         except FAILURES as error:
-            raise FaultError(FaultCode.CONTROLLER_NO_TORQUE, error) from error
+            raise fault(FaultCode.CONTROLLER_NO_TORQUE, error) from error
 
 
 class WalledRule(_Walled):
@@ -108,17 +100,7 @@ class WalledRule(_Walled):
         try:
             return _vote(answer, self._boards)
         except FAILURES as error:
-            raise FaultError(FaultCode.ELECTION_NO_VOTE, error) from error
-
-
-def controller_of(config: BoardConfig) -> Controller:
-    """The servo of a board: ours, or the one that its scenario names."""
-    return WalledController(config.controller, config) if config.controller else servo(config)
-
-
-def rule_of(config: BoardConfig) -> ElectionRule:
-    """The rule of a board's election: ours, or the one that its scenario names."""
-    return WalledRule(config.rule, config) if config.rule else MaxConsensus(config)
+            raise fault(FaultCode.ELECTION_NO_VOTE, error) from error
 
 
 def check(config: BoardConfig) -> None:

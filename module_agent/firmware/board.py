@@ -2,30 +2,30 @@
 
     actuation = board.tick(observation)      after board.hear(...) of what the network brought
 
-A tick is: obey; sense; hear the neighbours; play a consensus round, and latch if it was the last
-one; servo with the new enabling variable; say one link frame to each neighbour, and the torque to
-the plant (S10). Everything a board does follows from the bytes it was given and their ticks.
+One tick (S10): obey the command that came; read the own sensors; hear what the neighbours said a
+tick ago; play a consensus round and, if it was the last one, latch y; servo with that y on the
+sample of one lumped delay ago; say a link frame to each neighbour, and the torque to the plant.
+
+Everything a board does follows from the bytes it was given and their ticks. Its parts are given to
+it (`module_agent.assembly`); the clock of its ticks may be the plant's or its own (`own_time`).
 """
 
 from collections import Counter
+from collections.abc import Callable
 from math import fabs
 from typing import NamedTuple
 
-from module_agent.custom.sandbox import FaultError, controller_of, rule_of
 from module_agent.firmware.body_view import BodySample, BodyView, Turn
-from module_agent.firmware.config import BoardConfig, ElectionConfig
-from module_agent.firmware.controller import Candidate, Seen
-from module_agent.firmware.counts import COUNTS
+from module_agent.firmware.config import BoardConfig
+from module_agent.firmware.controller import Candidate, Controller, FaultError, Seen
 from module_agent.firmware.election import Election, Gossip, Heard
-from module_agent.firmware.frame_writer import Doing, Speech
-from module_agent.firmware.hearing import Hearing
-from module_agent.firmware.lateness import speech
-from module_agent.firmware.link_model import LinkModel
+from module_agent.firmware.frame_writer import FrameWriter, Statement
+from module_agent.firmware.hearing import LinkEnd
+from module_agent.firmware.lateness import Lateness
 from module_agent.firmware.sensing import Sensing
 from protocol.robot.commands import ANY, LINK, LinkParameters, decode_board_command
-from protocol.robot.hardware import STEADY
 from protocol.robot.scenario import Controls
-from protocol.robot.states import Counters, State, entered
+from protocol.robot.states import COUNTERS, Counters, State, entered
 from protocol.wire.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
 
 SYNCING, SAFE, FAULT = State.SYNCING, State.SAFE, State.FAULT
@@ -52,25 +52,35 @@ class ReplacedError(Exception):
         self.incarnation = incarnation
 
 
+class Parts(NamedTuple):
+    """What a board is assembled from."""
+
+    hearings: list[LinkEnd]
+    """Its ends of the links from its neighbours, in the order of `BoardConfig.neighbours`."""
+    sensing: Sensing
+    view: BodyView
+    writer: FrameWriter
+    servo: Controller
+    election: Election | None
+    """None: it stays enabled (the original DEC)."""
+    lateness: Lateness | None
+    """None: its loop always ends in time."""
+
+
 class Board:
     """The firmware of one joint board, from the tick in which the plant admits it."""
 
-    def __init__(self, config: BoardConfig, *, run_id: int, incarnation: int) -> None:
+    def __init__(self, config: BoardConfig, parts: Parts, *, run_id: int, incarnation: int) -> None:
         self.config = config
         self.run_id = run_id
         self.incarnation = incarnation
-        self.hearings = [
-            self._make_hearing(
-                LinkModel(seed=config.seed, sender=sender, receiver=config.index, standing=standing)
-            )
-            for sender, standing in zip(config.neighbours, config.standing_links, strict=True)
-        ]
-        self.sensing: Sensing = self._make_sensing()
-        self.view = self._make_view()
-        self.speech = self._make_speech()
-        self.servo = controller_of(config)
-        elects = config.election
-        self.election: Election | None = None if elects is None else self._make_election(elects)
+        self.hearings = parts.hearings
+        self.sensing = parts.sensing
+        self.view = parts.view
+        self.writer = parts.writer
+        self.servo = parts.servo
+        self.election = parts.election
+        self.lateness = parts.lateness
         above, below = self.view.hear_from_above, self.view.hear_from_below
         self._hear_body = [above if other > config.index else below for other in config.neighbours]
         self.reference_rad = config.reference_rad
@@ -82,7 +92,7 @@ class Board:
         self.refused: Counter[Reason] = Counter()
         self.state_ticks: list[int] = [0] * (max(State) + 1)
         self._synced_tick = 0
-        self._unsaid: tuple[bytes, ...] = ()
+        self._fault_frames: tuple[bytes, ...] = ()
 
     @property
     def enabled(self) -> bool:
@@ -94,29 +104,40 @@ class Board:
     @property
     def counters(self) -> Counters:
         """All that this board counts."""
-        return Counters(*[count(self) for count in COUNTS])
+        return Counters(*map(self.count, range(len(COUNTERS))))
+
+    def count(self, counter: int) -> int:
+        """One of the numbers that this board tells of itself, by its place in `COUNTERS`."""
+        return COUNTS[counter](self)
 
     def read(self, payload: bytes) -> Observation:
-        """Check an observation.
+        """Check the observation of the next tick.
 
         Raises `ProtocolError`, `ReplacedError` when it is not for this incarnation, or
-        `AnsweredError` when it is of the tick that was lived through last.
+        `AnsweredError` when it is of the last tick.
         """
+        observation = self.read_any(payload)
+        tick = observation.tick
+        if self.next_tick is not None and tick != self.next_tick:
+            if tick == self.next_tick - 1:
+                raise AnsweredError
+            raise ProtocolError(Reason.TICK, f"tick {tick}, expected {self.next_tick}")
+        self.check_roster(observation)
+        return observation
+
+    def read_any(self, payload: bytes) -> Observation:
+        """Check an observation of whichever tick. Raises `ProtocolError` or `ReplacedError`."""
         observation = decode(Observation, payload)
         if observation.run_id != self.run_id:
             raise ProtocolError(Reason.RUN, f"run {observation.run_id:08x}")
         if observation.incarnation != self.incarnation:
             raise ReplacedError(observation.incarnation)
-        self._expect(observation.tick)
-        if len(observation.neighbours) != len(self.hearings):
-            raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
         return observation
 
-    def _expect(self, tick: int) -> None:
-        if self.next_tick is not None and tick != self.next_tick:
-            if tick == self.next_tick - 1:
-                raise AnsweredError
-            raise ProtocolError(Reason.TICK, f"tick {tick}, expected {self.next_tick}")
+    def check_roster(self, observation: Observation) -> None:
+        """See whether a roster is of as many neighbours as there are. Raises `ProtocolError`."""
+        if len(observation.neighbours) != len(self.hearings):
+            raise ProtocolError(Reason.RANGE, f"a roster of {len(observation.neighbours)}")
 
     def hear(self, link: int, payload: bytes) -> int:
         """Take a frame of a link, whenever it came; the tick said, `NO_TICK` if it is of no use."""
@@ -133,19 +154,25 @@ class Board:
         return None
 
     def tick(self, observation: Observation) -> Actuation:
-        """Live through one tick. Ticks come one after the other, without gaps."""
-        tick = observation.tick
+        """Go through one tick of the plant's. They come one after the other, without gaps."""
+        return self.step(observation.tick, observation.tick, observation)
+
+    def step(self, tick: int, round_: int, observation: Observation) -> Actuation:
+        """Go through one tick, which is in round `round_` of the elections.
+
+        `observation` is the latest; its tick says when it was taken, also in own ticks.
+        """
         if self.next_tick is None:
             self._admitted(tick)
         self.next_tick = tick + 1
         if observation.command:
-            self._obey(observation.command)
+            self.obey(observation.command)
 
+        self.view.advance(tick)
         own = self.sensing.read(observation)
-        self.view.forget(tick)
         if self.sensing.safe:
-            self.view.sense(tick, own, top=self.config.top)
-        gossip = self._hear(observation)
+            self.view.sense(observation.tick, own, top=self.config.top)
+        gossip = self._hear(tick, round_, observation)
 
         body, state = self._body(tick)
         if state is not self.state:
@@ -155,11 +182,11 @@ class Board:
             controlled = self._controlled(body)
             controlled_rad = controlled.rad
             urgency = fabs(controlled_rad - self.reference_rad)
-            self._elect(urgency, gossip, observation)
+            self._elect(tick, round_, urgency, gossip, observation)
             if self.fault is None:
-                torque_nm = self._drive(controlled, body, observation)
+                torque_nm = self._drive(tick, controlled, body, observation)
         elif state is not SYNCING:
-            self._elect(0.0, gossip, observation)
+            self._elect(tick, round_, 0.0, gossip, observation)
         self.state_ticks[self.state] += 1
         return self._say(tick, torque_nm, controlled_rad)
 
@@ -174,52 +201,28 @@ class Board:
             return None, SAFE
         return self.view.at(wanted_tick)
 
-    def _make_hearing(self, link: LinkModel) -> Hearing:
-        return Hearing(link, run_id=self.run_id, boards=self.config.boards)
-
-    def _make_sensing(self) -> Sensing:
-        config = self.config
-        uneven, imu = config.clock != STEADY, config.has_imu
-        return Sensing(config.sensor_sheet, tick_s=config.tick_s, has_imu=imu, uneven=uneven)
-
-    def _make_view(self) -> BodyView:
-        config = self.config
-        return BodyView(
-            config.link,
-            tick_s=config.tick_s,
-            lumped_delay_ticks=config.lumped_delay_ticks,
-            has_imu=config.has_imu,
-            bottom=config.index == 0,
-        )
-
-    def _make_speech(self) -> Speech:
-        granted = {"run_id": self.run_id, "incarnation": self.incarnation}
-        return speech(self.config, self.hearings, self.view, **granted)
-
-    def _make_election(self, election: ElectionConfig) -> Election:
-        return Election(election, rule_of(self.config), board=self.config.index)
-
     def _admitted(self, tick: int) -> None:
         self.state = entered(self.state, State.SYNCING)
         self._synced_tick = max(0, tick + self.config.lumped_delay_ticks)
         if self._synced_tick > 0 and self.election is not None:
             self.election.enabled = False  # Until an election says otherwise (S11).
 
-    def _obey(self, payload: bytes) -> None:
+    def obey(self, payload: bytes) -> None:
+        """Do what the plant has been told to have this board do."""
         command = decode_board_command(payload)
         if command is None:
             self.refused[Reason.MALFORMED] += 1
         elif command.kind == LINK:
-            for sender, hearing in zip(self.config.neighbours, self.hearings, strict=True):
+            for sender, end in zip(self.config.neighbours, self.hearings, strict=True):
                 if command.sender in (sender, ANY):
-                    hearing.link.change(LinkParameters(*command.values))
+                    end.link.change(LinkParameters(*command.values))
         else:
             (self.reference_rad,) = command.values
 
-    def _hear(self, observation: Observation) -> list[Heard]:
+    def _hear(self, tick: int, round_: int, observation: Observation) -> list[Heard]:
         """Use what arrives in this tick: bodies for the view, gossip for the election."""
-        tick, heard = observation.tick, []
-        elects = self.election is not None and self.election.due(tick)
+        heard = []
+        elects = self.election is not None and self.election.due(round_)
         for link, neighbour in enumerate(observation.neighbours):
             for frame in self.hearings[link].take(tick, neighbour):
                 self._hear_body[link](frame)
@@ -237,22 +240,26 @@ class Board:
             case Controls.LINK_ORIENTATION:
                 return body.link
 
-    def _elect(self, urgency: float, heard: list[Heard], observation: Observation) -> None:
-        election, tick = self.election, observation.tick
+    def _elect(
+        self, tick: int, round_: int, urgency: float, heard: list[Heard], observation: Observation
+    ) -> None:
+        election = self.election
         if election is None:
             return
-        if election.due(tick):
+        if election.due(round_):
             roster = enumerate(observation.neighbours)
-            linked = [link for link, other in roster if other.incarnation]
+            rostered = [link for link, other in roster if other.incarnation]
             try:
-                election.tick(tick, urgency, heard, linked)
+                election.tick(round_, urgency, heard, rostered)
             except FaultError as fault:
                 self._fail(tick, fault)
-                election.tick(tick, 0.0, heard, linked)
+                election.tick(round_, 0.0, heard, rostered)
         if self.state is SAFE or self.state is FAULT:
             election.enabled = False
 
-    def _drive(self, controlled: Turn, body: BodySample, observation: Observation) -> float:
+    def _drive(
+        self, tick: int, controlled: Turn, body: BodySample, observation: Observation
+    ) -> float:
         enabled = self.enabled
         if enabled:
             target, goal_rad = controlled, self.reference_rad
@@ -263,38 +270,54 @@ class Board:
                 self.held_rad = target.rad
             goal_rad = self.held_rad
         error_rad, rate_rad_s = target.rad - goal_rad, target.rad_s
-        about = observation.tick, enabled, self.reference_rad, error_rad, rate_rad_s
+        about = tick, enabled, self.reference_rad, error_rad, rate_rad_s
         seen = Seen(*about, controlled, body, self.state, observation)
         try:
             return self.servo.torque_nm(seen)
         except FaultError as fault:
-            self._fail(observation.tick, fault)
+            self._fail(tick, fault)
             return 0.0
 
     def _fail(self, tick: int, fault: FaultError) -> None:
         """Put this board out of action; what others say in an election it still passes on."""
         self.fault = fault
         self.state = entered(self.state, State.FAULT)
-        self._unsaid = self.speech.of_fault(tick, fault.code, fault.told)
+        self._fault_frames = self.writer.of_fault(tick, fault.code, fault.summary)
         if self.election is not None:
             self.election.relay(self.config)
 
     def _say(self, tick: int, torque_nm: float, controlled_rad: float) -> Actuation:
-        gossip = self._gossip()
-        said = self.speech.to_neighbours(tick, gossip, self.state)
+        bodies, enabled = self.writer.bodies(self.state), self.enabled
+        now = Statement(self._gossip(), bodies, torque_nm, self.state, enabled, controlled_rad)
+        if self.lateness is not None:
+            now = self.lateness.statement(tick, now)
+        links = self.writer.to_neighbours(tick, now)
         counter = tick % len(COUNTS)
-        torque = self.speech.to_plant(
-            tick,
-            gossip,
-            Doing(torque_nm, self.state, self.enabled, controlled_rad),
-            counter=counter,
-            counted=COUNTS[counter](self),
-            said=said,
+        torque = self.writer.to_plant(
+            tick, now, counter=counter, counted=self.count(counter), payloads=links
         )
-        faults, self._unsaid = self._unsaid, ()
-        return Actuation(torque, said, faults)
+        faults, self._fault_frames = self._fault_frames, ()
+        return Actuation(torque, links, faults)
 
     def _gossip(self) -> Gossip:
         if self.election is None:
             return Gossip(NO_EPOCH, 0, Candidate(0.0, self.config.index))
         return self.election.gossip
+
+
+def _refused(reason: Reason) -> Callable[[Board], int]:
+    return lambda board: board.refused[reason] + sum(end.refused[reason] for end in board.hearings)
+
+
+COUNTS: tuple[Callable[[Board], int], ...] = (
+    lambda board: board.state_ticks[State.HOLDING],
+    lambda board: board.state_ticks[State.EXTRAPOLATING],
+    lambda board: board.state_ticks[State.RECKONING],
+    lambda board: board.sensing.implausible_samples,
+    lambda board: 0 if board.election is None else board.election.incomplete_epochs,
+    *map(_refused, Reason),
+    lambda board: board.sensing.inconsistent_samples,
+    lambda board: board.sensing.stuck_samples,
+)
+"""Where a board keeps each number that it tells of itself, in the order of `COUNTERS`."""
+assert len(COUNTS) == len(COUNTERS)

@@ -3,6 +3,12 @@
 Rule 1: samples are named by the tick in which they were taken. Only values of one tick are joined.
 Rule 2: when a sample is missing, go on: hold the newest older one for up to 5 ticks, extrapolate it
         by its rates for up to 20, then take all above for rigid and reckon from the foot up.
+Rule 3: in lockstep every own sample is there. On a clock of its own a board misses some: then the
+        one before holds, between two that did arrive, and for up to `hold_ticks_max` ticks after
+        the newest. After that it is unsafe to drive.
+Rule 4: clocks agree to a period and no better, and boards above that are slower have samples in
+        some of the own periods only. To use the newest of theirs, `pitch` periods old at most, is
+        no gap.
 
 A board's own sensors give its joint. The orientation of its link comes from its own IMU, or from
 the board above (its orientation minus the joint between), and so does the mass that it carries.
@@ -69,41 +75,69 @@ class BodyView:
     """Own samples joined with what the neighbours said about the same tick."""
 
     def __init__(
-        self, link: Link, *, tick_s: float, lumped_delay_ticks: int, has_imu: bool, bottom: bool
+        self,
+        link: Link,
+        *,
+        tick_s: float,
+        lumped_delay_ticks: int,
+        has_imu: bool,
+        bottom: bool,
+        hold_ticks_max: int = 0,
+        pitch: int = 0,
     ) -> None:
         self.link = link
         self.tick_s = tick_s
         self.has_imu = has_imu
         self.bottom = bottom
+        self.lumped_delay_ticks = lumped_delay_ticks
+        self.hold_ticks_max = hold_ticks_max
+        """How long an own sample stands for those that are missing; 0: none is ever missing."""
+        self.pitch = pitch
+        """Own periods between two samples of the slowest board above; 0: all are in step."""
         self._kept_ticks = lumped_delay_ticks + GAP_TICKS_MAX + LATENESS_TICKS_MAX
         self._joint: dict[int, Turn] = {}
         self._imu: dict[int, Turn] = {}
         self._lower: dict[int, Turn] = {}
         self._complete: dict[int, BodySample] = {}
+        self._newest = NO_TICK
+        """The newest own sample, and what it was."""
+        self._newest_own = OwnTurns(UNKNOWN, UNKNOWN)
+        self._forgotten = NO_TICK
         self._newest_complete = NO_TICK
         self._newest_lower = NO_TICK
         self._last_lower = UNKNOWN
         self._shape: CarriedShape | None = None
 
-    def forget(self, tick: int) -> None:
-        """Drop what is too old to be of use in `tick`, now and then; called in every tick."""
-        if tick % FORGET_EVERY_TICKS:
-            return
-        expired = tick - self._kept_ticks
-        stores: tuple[dict[int, Any], ...] = self._joint, self._imu, self._lower, self._complete
-        for store in stores:
-            for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
-                del store[old]
+    def advance(self, tick: int) -> None:
+        """Begin a tick, also after a leap: fill in own samples that did not come, drop old ones."""
+        if self.hold_ticks_max and self._newest != NO_TICK:
+            wanted = tick - self.lumped_delay_ticks
+            self._hold(min(wanted, self._newest + self.hold_ticks_max) + 1)
+        before, self._forgotten = self._forgotten, tick - self._kept_ticks
+        expired = tick - tick % FORGET_EVERY_TICKS - self._kept_ticks
+        if expired > before:
+            stores: tuple[dict[int, Any], ...] = self._joint, self._imu, self._lower, self._complete
+            for store in stores:
+                for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
+                    del store[old]
 
-    def sense(self, tick: int, own: OwnTurns, *, top: bool) -> None:
-        """Store this board's own sensors; at the top of the chain they are a complete sample."""
-        self._joint[tick] = own.joint
+    def sense(self, sampled: int, own: OwnTurns, *, top: bool) -> None:
+        """Store own sensors of the tick in which they were sampled, once.
+
+        At the top of the chain they are a complete sample.
+        """
+        if sampled <= max(self._newest, self._forgotten):
+            return
+        if self.hold_ticks_max and self._newest != NO_TICK:
+            self._hold(sampled)
+        self._newest, self._newest_own = sampled, own
+        self._joint[sampled] = own.joint
         if self.has_imu:
-            self._imu[tick] = own.imu
+            self._imu[sampled] = own.imu
         if self.bottom:
-            self._store_lower(tick, own.support)
+            self._store_lower(sampled, own.support)
         if top and self.has_imu:
-            self._complete_sample(tick, own.imu, NOTHING)
+            self._complete_sample(sampled, own.imu, NOTHING)
 
     def hear_from_above(self, frame: LinkFrame) -> None:
         """Join what the board above said with this board's own sample of the same tick."""
@@ -125,13 +159,14 @@ class BodyView:
 
     def at(self, tick: int) -> tuple[BodySample, State]:
         """The sample of `tick`, or the best stand-in for it, and which of these it is."""
-        if tick in self._complete:
-            return self._complete[tick], State.RUNNING
-        for age in range(1, GAP_TICKS_MAX + 1):
+        own = self._joint.get(tick)
+        for age in range(max(self.pitch, GAP_TICKS_MAX) + 1):
             older = self._complete.get(tick - age)
             if older is None:
                 continue
-            held = older._replace(joint=self._joint.get(tick, older.joint))
+            held = older if own is None or own is older.joint else older._replace(joint=own)
+            if age <= self.pitch:
+                return held, State.RUNNING
             if age <= HOLD_TICKS_MAX:
                 return held, State.HOLDING
             return self._extrapolated(held, age * self.tick_s), State.EXTRAPOLATING
@@ -181,3 +216,12 @@ class BodyView:
         if self._shape is not None:
             above = carried_rigidly(self._shape, link.rad, link.rad_s)
         return BodySample(joint, link, add_link(self.link, link.rad, link.rad_s, above))
+
+    def _hold(self, end: int) -> None:
+        """Fill the gap between the newest own sample and `end` with that sample."""
+        held = self._newest_own
+        for missing in range(max(self._newest, self._forgotten) + 1, end):
+            if missing not in self._joint:
+                self._joint[missing] = held.joint
+                if self.has_imu:
+                    self._imu[missing] = held.imu

@@ -14,7 +14,8 @@ from protocol.wire.wiring import neighbours
 class ElectionConfig(NamedTuple):
     """When boards elect, and what they do when they have not heard from everybody."""
 
-    period_ticks: int
+    period_rounds: int
+    """From one opening of an epoch to the next; in lockstep there is a round in every tick."""
     rounds: int
     keeps_last: bool
 

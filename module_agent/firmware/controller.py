@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from module_agent.firmware.body_view import BodySample, Turn
-from protocol.robot.states import State
+from protocol.robot.states import FaultCode, State
 from protocol.wire.frames import Observation
 
 
@@ -40,6 +40,18 @@ class Seen(NamedTuple):
     observation: Observation
     """Own sensors as they came in this very tick, unchecked: `readings` has torque, force plate and
     the rest."""
+
+
+class FaultError(Exception):
+    """A controller from outside has failed; it concerns its own board alone."""
+
+    def __init__(self, code: FaultCode, *, summary: str, trace: str) -> None:
+        super().__init__(summary)
+        self.code = code
+        self.summary = summary
+        """What was raised and where, without what differs between machines."""
+        self.trace = trace
+        """The traceback, for people."""
 
 
 class Controller(Protocol):

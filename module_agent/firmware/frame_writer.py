@@ -1,4 +1,4 @@
-"""What a board says at the end of a tick: a frame to each neighbour, and the torque to the plant.
+"""Writes what a board says at the end of a tick: link frames, and the torque to the plant.
 
 Rule 1: always exactly one frame to each neighbour, also without data: the frame is the barrier.
 Rule 2: the torque frame carries receipts: what was heard of each link, what was sent, and how long
@@ -11,8 +11,9 @@ from typing import NamedTuple
 from module_agent.firmware.body_view import BodyView
 from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.election import Gossip
-from module_agent.firmware.hearing import Hearing
+from module_agent.firmware.hearing import LinkEnd
 from module_agent.firmware.kinematics import NOTHING
+from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.states import State
 from protocol.wire.frames import (
     CRC_BYTES,
@@ -29,84 +30,99 @@ from protocol.wire.frames import (
 NOTHING_SEEN = (0.0,) * 7
 
 
-class Doing(NamedTuple):
-    """What a board does in a tick, as the plant is told."""
+class KnownBody(NamedTuple):
+    """What a board knows of the body on one side of it, for the neighbour on the other."""
 
+    sample_tick: int
+    """`NO_TICK`: nothing is known."""
+    values: tuple[float, ...]
+    """The last seven fields of a `LinkFrame`."""
+
+
+class Statement(NamedTuple):
+    """What a board has to say in a tick, to its neighbours and to the plant."""
+
+    gossip: Gossip
+    """Its round of the election."""
+    bodies: tuple[KnownBody, ...]
+    """To each neighbour what lies on the other side of the board."""
     torque_nm: float
     state: State
     enabled: bool
     controlled_rad: float
+    """The controlled variable alpha that the servo used."""
 
 
-class Speech:
-    """The mouth of one board; what it says follows from what the rest of the board knows."""
+class FrameWriter:
+    """Frames of one board, of what it has to say; with `own_time`, in the plant's ticks."""
 
     def __init__(
         self,
         config: BoardConfig,
-        hearings: Sequence[Hearing],
+        links: Sequence[LinkEnd],
         view: BodyView,
         *,
         run_id: int,
         incarnation: int,
+        own_time: OwnTime | None = None,
     ) -> None:
         self.run_id = run_id
         self.incarnation = incarnation
         self.view = view
-        self._links = [
-            (hearing, self._for_above if neighbour > config.index else self._for_below)
-            for neighbour, hearing in zip(config.neighbours, hearings, strict=True)
+        self._own_time = own_time
+        self._links = list(links)
+        self._known = [
+            self._for_above if neighbour > config.index else self._for_below
+            for neighbour in config.neighbours
         ]
 
-    def to_neighbours(self, tick: int, gossip: Gossip, state: State) -> tuple[bytes, ...]:
-        """This round of the election, and to each side what lies on the other side of the board."""
-        epoch, round_, (urgency, candidate) = gossip
-        said = []
-        for hearing, body in self._links:
-            sample_tick, seen = body(state)
+    def bodies(self, state: State) -> tuple[KnownBody, ...]:
+        """What there is to tell each neighbour of the body."""
+        return tuple([known(state) for known in self._known])
+
+    def to_neighbours(self, tick: int, now: Statement) -> tuple[bytes, ...]:
+        """A frame to each neighbour."""
+        epoch, round_, (urgency, candidate) = now.gossip
+        payloads = []
+        for link, (sample_tick, values) in zip(self._links, now.bodies, strict=True):
             frame = LinkFrame(
                 self.run_id,
                 self.incarnation,
                 tick,
-                hearing.newest_tick,
+                link.newest_tick,
                 epoch,
                 round_,
                 urgency,
                 candidate,
                 sample_tick,
-                *seen,
+                *values,
             )
-            said.append(encode(frame))
-        return tuple(said)
+            if self._own_time is not None:
+                frame = self._own_time.said(frame)
+            payloads.append(encode(frame))
+        return tuple(payloads)
 
     def to_plant(
-        self,
-        tick: int,
-        gossip: Gossip,
-        doing: Doing,
-        *,
-        counter: int,
-        counted: int,
-        said: Sequence[bytes],
+        self, tick: int, now: Statement, *, counter: int, counted: int, payloads: Sequence[bytes]
     ) -> bytes:
-        """The torque, what the board is doing, and its receipts."""
-        epoch, round_, (urgency, candidate) = gossip
+        """The torque, what the board is doing, and its receipts for `payloads` and what it used."""
+        epoch, round_, (urgency, candidate) = now.gossip
         receipts = [
             LinkUse(
-                hearing.heard_mask,
+                link.heard_mask,
                 int.from_bytes(payload[-CRC_BYTES:], "little"),
-                hearing.unheard_ticks,
+                link.unheard_ticks,
             )
-            for (hearing, _), payload in zip(self._links, said, strict=True)
+            for link, payload in zip(self._links, payloads, strict=True)
         ]
         frame = TorqueFrame(
             self.run_id,
             self.incarnation,
-            tick,
-            doing.torque_nm,
-            int(doing.state),
-            int(doing.enabled),
-            doing.controlled_rad,
+            self._wire_tick(tick),
+            now.torque_nm,
+            int(now.state),
+            int(now.enabled),
+            now.controlled_rad,
             epoch,
             round_,
             urgency,
@@ -117,9 +133,9 @@ class Speech:
         )
         return encode(frame)
 
-    def of_fault(self, tick: int, code: int, told: str) -> tuple[bytes, ...]:
+    def of_fault(self, tick: int, code: int, trace: str) -> tuple[bytes, ...]:
         """What has failed: as many frames as the text takes, but not all of a long one."""
-        kept = told[: FAULT_PARTS_MAX * FAULT_TEXT_BYTES_MAX]
+        kept = trace[: FAULT_PARTS_MAX * FAULT_TEXT_BYTES_MAX]
         text = "".join(
             char if " " <= char <= "~" or char == "\n" else char.encode("unicode_escape").decode()
             for char in kept
@@ -128,18 +144,21 @@ class Speech:
             text[start : start + FAULT_TEXT_BYTES_MAX]
             for start in range(0, len(text), FAULT_TEXT_BYTES_MAX)
         ][:FAULT_PARTS_MAX]
-        about = self.run_id, self.incarnation, tick, code
+        about = self.run_id, self.incarnation, self._wire_tick(tick), code
         return tuple(
             encode(Fault(*about, part, len(texts), piece)) for part, piece in enumerate(texts)
         )
 
-    def _for_below(self, state: State) -> tuple[int, tuple[float, ...]]:
+    def _wire_tick(self, tick: int) -> int:
+        return tick if self._own_time is None else self._own_time.plant_tick(tick)
+
+    def _for_below(self, state: State) -> KnownBody:
         tick, sample = self.view.for_below(state)
         if sample is None:
-            return NO_TICK, NOTHING_SEEN
+            return KnownBody(NO_TICK, NOTHING_SEEN)
         joint, link, supported = sample
-        return tick, (link.rad - joint.rad, link.rad_s - joint.rad_s, *supported)
+        return KnownBody(tick, (link.rad - joint.rad, link.rad_s - joint.rad_s, *supported))
 
-    def _for_above(self, _state: State) -> tuple[int, tuple[float, ...]]:
+    def _for_above(self, _state: State) -> KnownBody:
         tick, link = self.view.for_above()
-        return tick, (*link, *NOTHING)
+        return KnownBody(tick, (*link, *NOTHING))

@@ -9,6 +9,7 @@ Rule 4: frames that are here are lost, late, doubled or damaged by the link mode
         else: whatever the network did, the run is the same.
 """
 
+from abc import ABC, abstractmethod
 from collections import Counter
 
 from module_agent.firmware.link_model import LinkModel
@@ -24,8 +25,11 @@ UNHEARD_TICKS_MAX = 255
 """The echo of a neighbour is not counted beyond this."""
 
 
-class Hearing:
-    """Frames from one neighbour, kept until the tick that may use them."""
+class LinkEnd(ABC):
+    """This board's end of the link from one neighbour: what it takes, refuses, and knows of it.
+
+    There are two: `Hearing` waits for each tick's frame, `Mailbox` takes the newest ones.
+    """
 
     def __init__(self, link: LinkModel, *, run_id: int, boards: int) -> None:
         self.link = link
@@ -33,23 +37,74 @@ class Hearing:
         self.boards = boards
         self.refused: Counter[Reason] = Counter()
         self.newest_tick = NO_TICK
+        """The plant's tick in which the newest frame that was used was said."""
         self.unheard_ticks = 0
-        """How many ticks ago the neighbour last heard this board, by its own words."""
+        """How many own ticks ago the neighbour last heard this board, by its own words."""
         self.heard_mask = 0
         """Of the last `take`: bit j is the frame said j ticks before the newest possible."""
-        self._incarnation = 0
-        self._waiting: dict[tuple[int, int], tuple[LinkFrame, bytes]] = {}
-        self._late: dict[int, list[LinkFrame]] = {}
-        self._used_tick = NO_TICK
+        self.incarnation = 0
+        """Of the neighbour."""
 
+    @abstractmethod
     def put(self, payload: bytes) -> int:
         """Take what the network brought, in any order, any number of times.
 
         Returns the tick in which it was said, `NO_TICK` if it cannot be used.
         """
+
+    @abstractmethod
+    def has(self, tick: int, neighbour: Neighbour) -> bool:
+        """Whether the frame that this neighbour said in `tick` is here."""
+
+    @abstractmethod
+    def take(self, tick: int, neighbour: Neighbour) -> list[LinkFrame]:
+        """Hear: the frames that arrive in an own tick, the newest ones last but for late ones."""
+
+    def check_sender(self, frame: LinkFrame) -> None:
+        """See whether a frame can be from the board at the other end. Raises `ProtocolError`."""
+        if frame.run_id != self.run_id:
+            raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}, not {self.run_id:08x}")
+        if frame.incarnation <= 0:
+            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation} is nobody")
+        if frame.incarnation < self.incarnation:
+            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation} is gone")
+
+    def check_numbers(self, frame: LinkFrame) -> None:
+        """See whether what a frame says can be true of a body. Raises `ProtocolError`."""
+        for number in frame[-7:]:
+            if not -MAGNITUDE_MAX <= number <= MAGNITUDE_MAX:  # Nor is a NaN.
+                raise ProtocolError(Reason.RANGE, f"{number} is of no body")
+        if not 0.0 <= frame.urgency <= MAGNITUDE_MAX or frame.mass_kg < 0.0:
+            raise ProtocolError(Reason.RANGE, f"urgency {frame.urgency}, mass {frame.mass_kg} kg")
+        if not 0 <= frame.candidate < self.boards:
+            raise ProtocolError(Reason.RANGE, f"candidate {frame.candidate}")
+
+    def damage(self, payload: bytes, bit: int) -> None:
+        """Flip a bit and read the frame as it would have come: it must not pass."""
+        damaged = bytearray(payload)
+        damaged[bit // 8 % len(payload)] ^= 1 << bit % 8
+        try:
+            decode(LinkFrame, bytes(damaged))
+        except ProtocolError as error:
+            self.refused[error.reason] += 1
+
+
+class Hearing(LinkEnd):
+    """Frames from one neighbour, kept until the tick that may use them."""
+
+    def __init__(self, link: LinkModel, *, run_id: int, boards: int) -> None:
+        super().__init__(link, run_id=run_id, boards=boards)
+        self._waiting: dict[tuple[int, int], tuple[LinkFrame, bytes]] = {}
+        self._late: dict[int, list[LinkFrame]] = {}
+        self._used_tick = NO_TICK
+
+    def put(self, payload: bytes) -> int:
+        """Take what the network brought, as `LinkEnd.put`."""
         try:
             frame = decode(LinkFrame, payload)
-            self._check(frame)
+            self.check_sender(frame)
+            self._check_tick(frame.tick)
+            self.check_numbers(frame)
         except ProtocolError as error:
             self.refused[error.reason] += 1
             return NO_TICK
@@ -71,8 +126,8 @@ class Hearing:
     def take(self, tick: int, neighbour: Neighbour) -> list[LinkFrame]:
         """Hear: the frames that arrive in `tick`, the late after the one that overtakes them."""
         said_tick = tick - 1
-        if neighbour.incarnation != self._incarnation and neighbour.incarnation:
-            self._incarnation = neighbour.incarnation
+        if neighbour.incarnation != self.incarnation and neighbour.incarnation:
+            self.incarnation = neighbour.incarnation
             self._late.clear()
             self.link.restart()
         arrived = self._late.pop(tick, []) if self._late else []
@@ -101,7 +156,7 @@ class Hearing:
             return frame  # Warm-up knows no faults.
         fate = self.link.fate(said_tick)
         if fate.flipped_bit is not None:
-            self._damage(payload, fate.flipped_bit)
+            self.damage(payload, fate.flipped_bit)
             return None
         on_time = None
         for late_ticks in fate.late_ticks:
@@ -111,35 +166,13 @@ class Hearing:
                 self._late.setdefault(said_tick + 1 + late_ticks, []).append(frame)
         return on_time
 
-    def _damage(self, payload: bytes, bit: int) -> None:
-        """Flip a bit and read the frame as it would have come: it must not pass."""
-        damaged = bytearray(payload)
-        damaged[bit // 8 % len(payload)] ^= 1 << bit % 8
-        try:
-            decode(LinkFrame, bytes(damaged))
-        except ProtocolError as error:
-            self.refused[error.reason] += 1
-
     def _drop_stale(self, said_tick: int) -> None:
         for key in [key for key in self._waiting if key[0] <= said_tick]:
             del self._waiting[key]
             self.refused[Reason.INCARNATION if key[0] == said_tick else Reason.TICK] += 1
 
-    def _check(self, frame: LinkFrame) -> None:
-        if frame.run_id != self.run_id:
-            raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}, not {self.run_id:08x}")
-        if frame.incarnation <= 0:
-            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation} is nobody")
-        if frame.incarnation < self._incarnation:
-            raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation} is gone")
-        if frame.tick < self._used_tick:
-            raise ProtocolError(Reason.TICK, f"tick {frame.tick} is past")
-        if frame.tick > self._used_tick + EARLY_TICKS_MAX and self._used_tick != NO_TICK:
-            raise ProtocolError(Reason.TICK, f"tick {frame.tick} is far ahead")
-        for number in frame[-7:]:
-            if not -MAGNITUDE_MAX <= number <= MAGNITUDE_MAX:  # Nor is a NaN.
-                raise ProtocolError(Reason.RANGE, f"{number} is of no body")
-        if not 0.0 <= frame.urgency <= MAGNITUDE_MAX or frame.mass_kg < 0.0:
-            raise ProtocolError(Reason.RANGE, f"urgency {frame.urgency}, mass {frame.mass_kg} kg")
-        if not 0 <= frame.candidate < self.boards:
-            raise ProtocolError(Reason.RANGE, f"candidate {frame.candidate}")
+    def _check_tick(self, tick: int) -> None:
+        if tick < self._used_tick:
+            raise ProtocolError(Reason.TICK, f"tick {tick} is past")
+        if tick > self._used_tick + EARLY_TICKS_MAX and self._used_tick != NO_TICK:
+            raise ProtocolError(Reason.TICK, f"tick {tick} is far ahead")

@@ -5,12 +5,16 @@ Rule 1: a value that no body can have is never used (`plausibility` says which).
         and the board drives no more.
 Rule 2: sensors that were given up are back after 50 readings in a row that agree with each other,
         wherever the joint is then. Short of that one good reading is enough.
+Rule 3: an observation that holds for several ticks, as it may on a board's own clock, is one
+        reading. That it says the same again is no sign of a sensor that is stuck.
+Rule 4: after a gap a reading is not compared with the one before it: how the joint has moved
+        meanwhile is not known well enough to accuse a sensor.
 """
 
 from module_agent.firmware.body_view import UNKNOWN, OwnTurns, Turn
 from module_agent.firmware.plausibility import FINE, STUCK_RAD, Angle, AngleSheet, Verdict
 from protocol.robot.sensors import EXACT, SensorSheet
-from protocol.wire.frames import Observation
+from protocol.wire.frames import NO_TICK, Observation
 
 HOLD_TICKS_MAX = 10
 BACK_TICKS = 50
@@ -38,6 +42,8 @@ class Sensing:
         self._imu = Angle(imu_sheet(sheet, uneven=uneven), tick_s=tick_s) if has_imu else None
         self._last = OwnTurns(UNKNOWN, UNKNOWN)
         """The last good readings."""
+        self._judged_tick = NO_TICK
+        """The tick that the last reading was taken in."""
         self._held_ticks = 0
         """Since then; or since the sensors were given up."""
         self._good_ticks = 0
@@ -49,8 +55,15 @@ class Sensing:
         return self._held_ticks <= HOLD_TICKS_MAX
 
     def read(self, observation: Observation) -> OwnTurns:
-        """This tick's readings, or those that stand in for them."""
+        """The readings of the tick that they were taken in, or those that stand in for them."""
         tick, now = observation.tick, observation.readings
+        judged, self._judged_tick = self._judged_tick, tick
+        if tick != judged + 1:
+            if tick == judged:
+                return self._last
+            self._joint.skip()
+            if self._imu is not None:
+                self._imu.skip()
         joint = Turn(now.joint_rad, now.joint_rad_s)
         imu = Turn(now.imu_rad, now.imu_rad_s)
         verdict = self._joint.judge(tick, joint[0], joint[1], now.joint_torque_nm)

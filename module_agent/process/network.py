@@ -10,7 +10,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Protocol
 
 import zenoh
 
@@ -23,32 +23,85 @@ Event = tuple[int, Any]
 """A kind, and what the network brought of it."""
 
 
-class Post:
+class Inbox(Protocol):
+    """Where observations and link frames are left for the loop of a board."""
+
+    events: "SimpleQueue[zenoh.Sample | Event]"
+    """Everything else, each with its kind."""
+
+    def observation_handler(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        """What leaves an observation."""
+        ...
+
+    def frame_handler(self, link: int) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        """What leaves a frame of a neighbour."""
+        ...
+
+    def forget(self) -> None:
+        """Throw away what has come and was not looked at."""
+        ...
+
+
+class LockstepInbox:
+    """An inbox whose observations wake the loop; link frames wake nobody."""
+
+    def __init__(self, links: int) -> None:
+        self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
+        """Observations as they come, everything else with its kind."""
+        self._frames = [defaultdict[zenoh.Sample, int](time.monotonic_ns) for _ in range(links)]
+        """Of each neighbour. Without an observation they are no use."""
+
+    def observation_handler(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        """What leaves an observation."""
+        return zenoh.handlers.Callback(self.events.put, indirect=False)
+
+    def frame_handler(self, link: int) -> "zenoh.handlers.Callback[zenoh.Sample]":
+        """What leaves a frame of a neighbour, with its time of arrival."""
+        return zenoh.handlers.Callback(self._frames[link].__getitem__, indirect=False)
+
+    def heard(self) -> Iterator[tuple[int, bytes, int]]:
+        """What neighbours have said since the last look: link, frame, time of arrival in ns."""
+        for link, frames in enumerate(self._frames):
+            if frames:
+                for sample in list(frames):  # At one go: more may come at any time.
+                    yield link, sample.payload.to_bytes(), frames.pop(sample)
+
+    def forget(self) -> None:
+        """Throw away what has come and was not looked at."""
+        while not self.events.empty():
+            self.events.get()
+        for frames in self._frames:
+            frames.clear()
+
+
+class Network:
     """Publishers and subscribers of one board."""
 
-    def __init__(self, session: zenoh.Session, config: BoardConfig, *, rig: str, boot: int) -> None:
+    def __init__(
+        self, session: zenoh.Session, inbox: Inbox, config: BoardConfig, *, rig: str, boot: int
+    ) -> None:
         self.session = session
         self.boot = boot
         """Names this start of the firmware."""
-        self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
-        """Observations as they come, everything else with its kind."""
-        self._heard = [defaultdict[zenoh.Sample, int](time.monotonic_ns) for _ in config.neighbours]
-        """Frames of each neighbour. They wake nobody: without an observation they are no use."""
+        self.inbox = inbox
         self._neighbours = config.neighbour_joints
         joint, alive = config.joint, session.liveliness()
         self._torque = publisher(session, keys.torque(rig, joint))
         self._stalled = publisher(session, keys.stalled(rig, joint))
         self._timing = publisher(session, keys.timing(rig, joint))
         self._fault = publisher(session, keys.fault(rig, joint))
+        self._trace = publisher(session, keys.trace(rig, joint)) if config.cadence else None
         self._links = [
             publisher(session, keys.link(rig, joint, neighbour))
             for neighbour in config.neighbour_joints
         ]
         self._declared = [
-            session.declare_subscriber(keys.observation(rig, joint), self._observed()),
+            session.declare_subscriber(keys.observation(rig, joint), inbox.observation_handler()),
             session.declare_subscriber(keys.end(rig), self._left(END)),
             *[
-                session.declare_subscriber(keys.link(rig, neighbour, joint), self._hearing(link))
+                session.declare_subscriber(
+                    keys.link(rig, neighbour, joint), inbox.frame_handler(link)
+                )
                 for link, neighbour in enumerate(config.neighbour_joints)
             ],
             *[link.declare_matching_listener(self._left(MATCHING)) for link in self._links],
@@ -65,12 +118,11 @@ class Post:
             self._fault.put(payload)  # Before the torque, so that the tick is still open.
         self._torque.put(actuation.torque)
 
-    def heard(self) -> Iterator[tuple[int, bytes, int]]:
-        """What neighbours have said since the last look: link, frame, time of arrival in ns."""
-        for link, frames in enumerate(self._heard):
-            if frames:
-                for sample in list(frames):  # At one go: more may come at any time.
-                    yield link, sample.payload.to_bytes(), frames.pop(sample)
+    def report_trace(self, payload: bytes | None) -> None:
+        """Tell the plant what a board on its own clock has gone through, if there is a frame."""
+        if payload is not None:
+            assert self._trace is not None, "in lockstep there is nothing to tell"
+            self._trace.put(payload)
 
     def report_timing(self, payload: bytes) -> None:
         """Tell the plant when this board did what."""
@@ -100,19 +152,10 @@ class Post:
 
     def forget(self) -> None:
         """Throw away what has come and was not looked at."""
-        while not self.events.empty():
-            self.events.get()
-        for frames in self._heard:
-            frames.clear()
-
-    def _observed(self) -> "zenoh.handlers.Callback[zenoh.Sample]":
-        return zenoh.handlers.Callback(self.events.put, indirect=False)
-
-    def _hearing(self, link: int) -> "zenoh.handlers.Callback[zenoh.Sample]":
-        return zenoh.handlers.Callback(self._heard[link].__getitem__, indirect=False)
+        self.inbox.forget()
 
     def _left(self, kind: int) -> "zenoh.handlers.Callback[Any]":
-        put = self.events.put
+        put = self.inbox.events.put
         return zenoh.handlers.Callback(lambda content: put((kind, content)), indirect=False)
 
 

@@ -7,12 +7,12 @@ from typing import Any, NoReturn
 
 import zenoh
 
-from module_agent.custom import sandbox as foreign
+from module_agent.custom import sandbox
 from module_agent.firmware.config import BoardConfig, board_config
 from module_agent.firmware.enrolling import FinishedError, UnansweredError
-from module_agent.process.network import Post
-from module_agent.process.realtime_runtime import RealtimePost, RealtimeRuntime
-from module_agent.process.runtime import Runtime
+from module_agent.process.lockstep import LockstepLoop
+from module_agent.process.network import LockstepInbox, Network
+from module_agent.process.own_time import OwnTimeInbox, OwnTimeLoop
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import ignore_signals, restarted_when_stuck
 from protocol.robot.scenario import Scenario
@@ -26,7 +26,7 @@ def serve(joint: str, scenario: Scenario) -> int:
     controller's file is not the one that the scenario means.
     """
     config = board_config(scenario, joint)
-    foreign.check(config)
+    sandbox.check(config)
     set_runtime_threads()
     try:
         _live(config, scenario, rig_of(scenario))
@@ -39,25 +39,47 @@ def serve(joint: str, scenario: Scenario) -> int:
 def _live(config: BoardConfig, scenario: Scenario, rig: Rig) -> NoReturn:
     """Play the board's part, in one session after another if the plant does not answer."""
     boot = int.from_bytes(os.urandom(8), "little") >> 1
-    runtime: Runtime | None = None
+    loop: LockstepLoop | OwnTimeLoop | None = None
     while True:
         with restarted_when_stuck():
             session, trouble = _join(config, rig)
         with session:
             try:
-                with restarted_when_stuck():
-                    post = _place(session, config, rig, boot)
-                if runtime is None:
-                    kind = Runtime if config.cadence is None else RealtimeRuntime
-                    runtime = kind(post, config, scenario, rig, trouble=trouble)
-                else:
-                    runtime.move(post, trouble)
-                runtime.run()
+                loop = _placed(loop, session, config, scenario, rig, boot=boot, trouble=trouble)
+                loop.run()
             except UnansweredError:
                 continue
             except BaseException:
                 ignore_signals()  # Nothing may come between the end and the closing of the session.
                 raise
+
+
+def _placed(
+    loop: LockstepLoop | OwnTimeLoop | None,
+    session: zenoh.Session,
+    config: BoardConfig,
+    scenario: Scenario,
+    rig: Rig,
+    *,
+    boot: int,
+    trouble: str | None,
+) -> LockstepLoop | OwnTimeLoop:
+    """The loop of this board at its place in a session: the one that it has had, or its first."""
+    if config.cadence is None:
+        inbox = LockstepInbox(len(config.neighbours))
+        with restarted_when_stuck():
+            network = Network(session, inbox, config, rig=rig.name, boot=boot)
+        if isinstance(loop, LockstepLoop):
+            loop.move(network, inbox, trouble)
+            return loop
+        return LockstepLoop(network, inbox, config, scenario, rig, trouble=trouble)
+    own_inbox = OwnTimeInbox(config)
+    with restarted_when_stuck():
+        network = Network(session, own_inbox, config, rig=rig.name, boot=boot)
+    if isinstance(loop, OwnTimeLoop):
+        loop.move(network, own_inbox, trouble)
+        return loop
+    return OwnTimeLoop(network, own_inbox, config, scenario, rig, trouble=trouble)
 
 
 def _join(config: BoardConfig, rig: Rig) -> tuple[zenoh.Session, str | None]:
@@ -68,11 +90,6 @@ def _join(config: BoardConfig, rig: Rig) -> tuple[zenoh.Session, str | None]:
         # Perhaps another process drives this joint already. The plant knows.
         trouble = network_trouble(rig.endpoint(1 + config.index), str(error))
         return _open(board_session(rig, config.index, listens=False)), trouble
-
-
-def _place(session: zenoh.Session, config: BoardConfig, rig: Rig, boot: int) -> Post:
-    kind = Post if config.cadence is None else RealtimePost
-    return kind(session, config, rig=rig.name, boot=boot)
 
 
 def _open(config: dict[str, Any]) -> zenoh.Session:

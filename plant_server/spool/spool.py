@@ -17,7 +17,7 @@ import msgpack
 
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.chunks import ChunkWriter, read_chunks
-from protocol.process.machine import effort
+from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.scenario import Scenario, ScenarioError, canonical
 from protocol.robot.scenario import decode as decode_scenario
@@ -98,7 +98,7 @@ class SpoolWriter:
             return
         self._closed = True
         if outcome is not None:
-            used = effort()
+            used = EffortMeter().read()
             self.note({"cpu_s": used.cpu_us / 1e6, "memory_kb": used.memory_kb})
             self._chunks.put(self._pack((_OUTCOME, *outcome)))
         self._chunks.close()

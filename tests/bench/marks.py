@@ -38,7 +38,7 @@ class Marks:
         else:
             self._watch(Board, "read", before="seen")
             self._watch(Board, "tick", before="begun", after="thought")
-            self._watch(module_agent.process.network.Post, "say", after="said")
+            self._watch(module_agent.process.network.Network, "say", after="said")
 
     def write(self, place: Place, role: int) -> None:
         """Leave them to `path_of_a_tick`."""

@@ -28,7 +28,7 @@ def group(_settings: Settings) -> Group:
         "start and end of processes, s",
         [
             Contender(BARE, partial(imported, "sys")),
-            Contender(BOARD, partial(imported, "module_agent.process.runtime")),
+            Contender(BOARD, partial(imported, "module_agent.process.serving")),
             Contender("a board: started to enrolled", enrolled),
             Contender("plant and 3 boards: started to tick 0", released),
             Contender("decmesh run of one tick, started to result", one_tick),

@@ -7,6 +7,7 @@ from typing import Any
 
 from msgspec import structs
 
+from module_agent.assembly import assemble
 from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import BoardConfig, ElectionConfig
 from protocol.robot.commands import PERFECT
@@ -74,7 +75,7 @@ def config(index: int, gains: ServoGains = FULL, **changes: Any) -> BoardConfig:
 
 
 def board(index: int, gains: ServoGains = FULL, **changes: Any) -> Board:
-    return Board(config(index, gains, **changes), run_id=RUN, incarnation=1)
+    return assemble(config(index, gains, **changes), run_id=RUN, incarnation=1)
 
 
 def moving(index: int, tick: int) -> Readings:

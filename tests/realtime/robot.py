@@ -11,6 +11,7 @@ from heapq import heappop, heappush
 from random import Random
 from typing import Any
 
+from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import AnsweredError
 from module_agent.firmware.config import board_config
 from module_agent.firmware.own_time.cycle import Cycle
@@ -105,7 +106,8 @@ class RealtimeRobot:
         self.plugged[board] += 1
         incarnation = self.plugged[board]
         config = board_config(self.scenario, self.scenario.joints[board])
-        cycle = Cycle(config, tick_ns=self.tick_ns, run_id=self.run_id, incarnation=incarnation)
+        firmware = assemble_on_own_time(config, run_id=self.run_id, incarnation=incarnation)
+        cycle = Cycle(firmware, config)
         boot_ns = self.random.randrange(10**12)
         own = Own(cycle, boot_ns, self.host.ppm.get(board, 0.0), incarnation)
         self.boards[board] = own
@@ -200,7 +202,9 @@ class RealtimeRobot:
         for slot in turn.slots:
             spent_ns += self._any(self.host.turn_ns)
             said = own.cycle.board.play(slot)
-            for near, payload in zip(own.cycle.board.config.neighbours, said.links, strict=True):
+            for near, payload in zip(
+                own.cycle.board.board.config.neighbours, said.links, strict=True
+            ):
                 self._send(
                     spent_ns + self._any(self.host.latency_ns), self._hear, board, near, payload
                 )
@@ -220,7 +224,7 @@ class RealtimeRobot:
     def _hear(self, sender: int, receiver: int, payload: bytes) -> None:
         own = self.boards[receiver]
         if own is not None:
-            own.cycle.board.hear(own.cycle.board.config.neighbours.index(sender), payload)
+            own.cycle.board.hear(own.cycle.board.board.config.neighbours.index(sender), payload)
 
     def _answer(self, board: int, incarnation: int, payload: bytes) -> None:
         if self.plant.roster.incarnations[board] == incarnation:

@@ -8,7 +8,7 @@ from math import copysign, fabs, isfinite
 
 from module_agent.firmware.board import Board
 from module_agent.firmware.body_view import FORGET_EVERY_TICKS
-from module_agent.firmware.hearing import EARLY_FRAMES_MAX, Hearing
+from module_agent.firmware.hearing import EARLY_FRAMES_MAX, Hearing, LinkEnd
 from plant_server.record import TickRecord
 from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT
 from protocol.robot.hardware import IDEAL
@@ -140,7 +140,8 @@ class Laws:
                 law(bool(use.heard_mask & 1), "S14 a good link loses nothing", (sender, index))
             self._bounded(hearing)
 
-    def _bounded(self, hearing: Hearing) -> None:
+    def _bounded(self, hearing: LinkEnd) -> None:
+        assert isinstance(hearing, Hearing), "the robot is one in lockstep"
         law(len(hearing._waiting) <= EARLY_FRAMES_MAX, "mailboxes are bounded", hearing._waiting)
         late = sum(map(len, hearing._late.values()))
         law(late <= LATE_FRAMES_MAX, "frames on the way are bounded", late)

@@ -7,6 +7,7 @@ Rule 2: `answered` is what a board is known to have said before it died; laws co
 from typing import NamedTuple
 
 from deploy.launch.twin import Twin
+from module_agent.assembly import assemble
 from module_agent.firmware.board import Board, ReplacedError
 from module_agent.firmware.config import board_config
 from plant_server.record import TickRecord
@@ -129,7 +130,7 @@ class Robot(Twin):
     def _enrol(self, board: int, ready_tick: int) -> None:
         self._incarnations[board] += 1
         config = board_config(self.scenario, self.scenario.joints[board])
-        firmware = Board(config, run_id=self.run_id, incarnation=self._incarnations[board])
+        firmware = assemble(config, run_id=self.run_id, incarnation=self._incarnations[board])
         self.newcomers[board] = Newcomer(firmware, self._incarnations[board], ready_tick)
 
     def _plug(self, board: int) -> None:

@@ -13,7 +13,7 @@ Rule: it has no clock. Whoever drives it brings the time, and does the waiting a
 """
 
 from module_agent.firmware.config import BoardConfig
-from module_agent.firmware.own_time.board import RealtimeBoard
+from module_agent.firmware.own_time.board import OwnTimeBoard
 from module_agent.firmware.own_time.deadline_reporter import Strain, Turned
 from module_agent.firmware.own_time.pacing import Loop, Turn
 from protocol.wire.trace import Lived, Mark, TraceWriter, encode_last_word
@@ -22,21 +22,24 @@ from protocol.wire.trace import Lived, Mark, TraceWriter, encode_last_word
 class Cycle:
     """One board from its admission on, with a clock that is brought to it."""
 
-    def __init__(self, config: BoardConfig, *, tick_ns: int, run_id: int, incarnation: int) -> None:
-        assert config.cadence is not None, "the scenario is one of realtime"
-        self.board = RealtimeBoard(config, run_id=run_id, incarnation=incarnation)
+    def __init__(self, board: OwnTimeBoard, config: BoardConfig) -> None:
+        """`config` is the board's in the plant's ticks."""
+        own_time, tick_ns = board.own_time, round(config.tick_s * 1e9)
+        self.board = board
         self.loop = Loop(
             tick_ns=tick_ns,
-            ticks_per_period=self.board.ticks_per_period,
+            ticks_per_period=own_time.ticks_per_period,
             phase=(config.boards - config.index) / (config.boards + 1),
-            catches_up=config.cadence.catches_up,
+            catches_up=own_time.cadence.catches_up,
         )
         self.strain = Strain(
-            period_ns=self.loop.period_ns, silent_ns_max=config.cadence.age_ticks_max * tick_ns
+            period_ns=self.loop.period_ns, silent_ns_max=own_time.cadence.age_ticks_max * tick_ns
         )
         self._observed_ns = 0
         self._writer = TraceWriter(
-            run_id=run_id, incarnation=incarnation, links=len(config.neighbours)
+            run_id=board.board.run_id,
+            incarnation=board.board.incarnation,
+            links=len(config.neighbours),
         )
         self._woke_ns = 0
         self._turn = Turn((), 0, 0, 0)
@@ -49,7 +52,7 @@ class Cycle:
         return self.loop.next_ns
 
     def observed(self, payload: bytes, arrived_ns: int) -> None:
-        """Take an observation. Raises as `Board.read` does."""
+        """Take an observation. Raises as `OwnTimeBoard.observe` does."""
         self.board.observe(payload)
         self.loop.observed(self.board.seen_tick, arrived_ns)
         self._observed_ns = arrived_ns

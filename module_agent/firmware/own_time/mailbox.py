@@ -7,14 +7,16 @@ Rule 2: a frame that its sender cannot have said yet, or said too long ago, is r
 Rule 3: what is taken suffers the faults of its link, as in lockstep. Delays are rounded up to whole
         periods; what a newer frame has overtaken is dropped.
 
-On the wire ticks are the plant's. What comes out of here counts in the board's own periods.
+On the wire ticks are the plant's. What comes out of here counts in the board's own periods, by the
+board's `OwnTime`.
 """
 
 from collections import deque
 from typing import NamedTuple
 
-from module_agent.firmware.hearing import UNHEARD_TICKS_MAX, Hearing
+from module_agent.firmware.hearing import UNHEARD_TICKS_MAX, LinkEnd
 from module_agent.firmware.link_model import LinkModel
+from module_agent.firmware.own_time.translator import OwnTime
 from protocol.wire.frames import NO_TICK, LinkFrame, Neighbour, ProtocolError, Reason, decode
 from protocol.wire.trace import Taken
 
@@ -39,34 +41,28 @@ class Arrived(NamedTuple):
     payload: bytes
 
 
-class Mailbox(Hearing):
-    """The latest word of one neighbour. Used like `Hearing`, with ticks that are own periods."""
+class Mailbox(LinkEnd):
+    """The latest word of one neighbour."""
 
-    def __init__(
-        self,
-        link: LinkModel,
-        *,
-        run_id: int,
-        boards: int,
-        ticks_per_period: int,
-        sender_ticks_per_period: int,
-        ahead_ticks_max: int,
-    ) -> None:
+    def __init__(self, link: LinkModel, own_time: OwnTime, *, run_id: int, boards: int) -> None:
         super().__init__(link, run_id=run_id, boards=boards)
         self.taken = Taken(NO_TICK, 0)
-        self._ticks_per_period = ticks_per_period
-        self._sender_ticks_per_period = sender_ticks_per_period
-        self._ahead_ticks_max = ahead_ticks_max
         self.kept: deque[bytes] = deque(maxlen=KEPT_MAX)
         """The newest frames that were taken, as they came."""
+        self._own_time = own_time
+        self._sender_period_ticks = own_time.cadence.ticks_per_period[link.sender]
         self._arrived: dict[int, dict[int, Arrived]] = {}
         """By incarnation and tick."""
+        self._late: dict[int, list[LinkFrame]] = {}
+        """By the own period in which it is heard."""
 
     def put(self, payload: bytes) -> int:
-        """Take what the network brought; only the newest frames are kept."""
+        """Take what the network brought, as `LinkEnd.put`; only the newest frames are kept."""
         try:
             frame = decode(LinkFrame, payload)
-            self._check(frame)
+            self.check_sender(frame)
+            self.check_numbers(frame)
+            self._check_tick(frame.tick)
         except ProtocolError as error:
             self.refused[error.reason] += 1
             return NO_TICK
@@ -79,13 +75,18 @@ class Mailbox(Hearing):
             self.refused[Reason.INCARNATION] += 1
         return frame.tick
 
+    def has(self, tick: int, neighbour: Neighbour) -> bool:
+        """Whether the frame that this neighbour said in `tick` is here."""
+        return tick in self._arrived.get(neighbour.incarnation, {})
+
     def take(self, tick: int, neighbour: Neighbour) -> list[LinkFrame]:
         """Hear what arrives in an own period; the oldest first."""
-        if neighbour.incarnation != self._incarnation and neighbour.incarnation:
+        if neighbour.incarnation != self.incarnation and neighbour.incarnation:
             self._replace(neighbour.incarnation)
         frames = self._arrived.pop(neighbour.incarnation, {})
+        now_tick = self._own_time.plant_tick(tick)
         current = [
-            arrived for _, arrived in sorted(frames.items()) if self._is_current(arrived, tick)
+            arrived for _, arrived in sorted(frames.items()) if self._is_current(arrived, now_tick)
         ]
         self.taken = self.taken._replace(before=0)
         if current:
@@ -105,30 +106,29 @@ class Mailbox(Hearing):
         self.heard_mask = int(bool(heard))
         return heard
 
+    def _check_tick(self, tick: int) -> None:
+        if tick % self._sender_period_ticks:
+            raise ProtocolError(Reason.TICK, f"tick {tick} begins no period")
+
     def _age(self, arrived: Arrived, newest_tick: int) -> int:
         """How many of its sender's periods before the newest one a frame was said."""
-        return (newest_tick - arrived.frame.tick) // self._sender_ticks_per_period
-
-    def _check(self, frame: LinkFrame) -> None:
-        super()._check(frame)
-        if frame.tick % self._sender_ticks_per_period:
-            raise ProtocolError(Reason.TICK, f"tick {frame.tick} begins no period")
+        return (newest_tick - arrived.frame.tick) // self._sender_period_ticks
 
     def _replace(self, incarnation: int) -> None:
         """Begin anew with another board at the other end."""
-        self._incarnation = incarnation
+        self.incarnation = incarnation
         self._late.clear()
         self.link.restart()
         self.newest_tick, self.taken = NO_TICK, Taken(NO_TICK, 0)
         for gone in [known for known in self._arrived if known < incarnation]:
             del self._arrived[gone]
 
-    def _is_current(self, arrived: Arrived, tick: int) -> bool:
-        said_tick, now_tick = arrived.frame.tick, tick * self._ticks_per_period
+    def _is_current(self, arrived: Arrived, now_tick: int) -> bool:
+        said_tick = arrived.frame.tick
         if said_tick <= self.taken.newest_tick:
             return False  # Said again, or overtaken on the way: nobody's fault.
-        stale = said_tick < now_tick - STALE_PERIODS * self._sender_ticks_per_period
-        if stale or said_tick > now_tick + self._ahead_ticks_max:
+        stale = said_tick < now_tick - STALE_PERIODS * self._sender_period_ticks
+        if stale or said_tick > now_tick + self._own_time.cadence.ahead_ticks_max:
             self.refused[Reason.TICK] += 1
             return False
         return True
@@ -141,20 +141,17 @@ class Mailbox(Hearing):
             return
         fate = self.link.fate(frame.tick)
         if fate.flipped_bit is not None:
-            self._damage(payload, fate.flipped_bit)
+            self.damage(payload, fate.flipped_bit)
         for late_ticks in fate.late_ticks:
-            late_periods = -(-late_ticks // self._ticks_per_period)
-            self._late.setdefault(tick + late_periods, []).append(frame)
+            heard_in = tick + self._own_time.whole_periods(late_ticks)
+            self._late.setdefault(heard_in, []).append(frame)
 
     def _use(self, frame: LinkFrame, tick: int) -> LinkFrame:
-        """Count the frame as heard, and its sample in own periods: the nearest one."""
-        period = self._ticks_per_period
+        """Count the frame as heard; with its sample in own periods."""
         self.newest_tick = frame.tick
         if frame.heard_tick == NO_TICK:
             self.unheard_ticks = UNHEARD_TICKS_MAX
         else:
-            unheard = tick - 1 - frame.heard_tick // period
+            unheard = tick - 1 - self._own_time.slot(frame.heard_tick)
             self.unheard_ticks = min(max(unheard, 0), UNHEARD_TICKS_MAX)
-        if frame.sample_tick == NO_TICK:
-            return frame
-        return frame._replace(sample_tick=(frame.sample_tick + period // 2) // period)
+        return self._own_time.heard(frame)

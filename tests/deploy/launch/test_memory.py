@@ -4,7 +4,8 @@ from collections import deque
 
 import pytest
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, BodyView
+from module_agent.firmware import body_view
+from module_agent.firmware.body_view import FORGET_EVERY_TICKS
 from tests import soak
 
 
@@ -17,7 +18,7 @@ def test_what_is_kept_in_every_tick_or_every_epoch_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The proof that the other test can fail."""
-    monkeypatch.setattr(BodyView, "forget", lambda *_: None)
+    monkeypatch.setattr(body_view, "FORGET_EVERY_TICKS", 10**9)
     grown = soak.growing("paper", 400, 2400)
     assert any(path.startswith("Twin.boards[].view.") for path in grown)
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from module_agent.assembly import assemble
 from module_agent.custom import sandbox as foreign
-from module_agent.firmware.board import Actuation, Board
+from module_agent.firmware.board import Actuation
 from module_agent.firmware.config import Source
 from protocol.process.stopping import StoppedError
 from protocol.robot.scenario import ScenarioError
@@ -37,7 +38,7 @@ def mixed(board: int, *, controller: Source | None = None, rule: Source | None =
     """Three boards in a bow, one of them with something from outside."""
     robot = Robot(sensors=still)
     made = config(board, controller=controller, rule=rule)
-    robot.boards[board] = Board(made, run_id=RUN, incarnation=1)
+    robot.boards[board] = assemble(made, run_id=RUN, incarnation=1)
     return robot
 
 
@@ -119,7 +120,7 @@ def test_each_board_has_a_memory_of_its_own(tmp_path: Path) -> None:
     counting = written(tmp_path / "my_servo.py", text + "        return count\n")
     robot = Robot(sensors=still)
     robot.boards = [
-        Board(config(i, controller=counting), run_id=RUN, incarnation=1) for i in range(3)
+        assemble(config(i, controller=counting), run_id=RUN, incarnation=1) for i in range(3)
     ]
     acts = robot.run(5)
     assert [torque(act).torque_nm for act in acts[4]] == [5.0, 5.0, 5.0]
@@ -233,7 +234,7 @@ def test_who_ends_the_process_is_not_kept_from_it(tmp_path: Path) -> None:
 def test_without_elections_a_failed_board_is_not_enabled_either(tmp_path: Path) -> None:
     hip = config(HIP, controller=servo(tmp_path, "return None"), election=None)
     robot = Robot(sensors=still, election=None)
-    robot.boards[HIP] = Board(hip, run_id=RUN, incarnation=1)
+    robot.boards[HIP] = assemble(hip, run_id=RUN, incarnation=1)
     assert [torque(act).enabled for act in robot.run(1)[0]] == [1, 1, 0]
 
 

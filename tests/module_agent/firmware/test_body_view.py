@@ -67,7 +67,7 @@ def truth(tick: int) -> BodySample:
 def live(view: BodyView, ticks: range) -> None:
     """Sense and hear both neighbours, in every tick about the tick before."""
     for tick in ticks:
-        view.forget(tick)
+        view.advance(tick)
         view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
         view.hear_from_above(from_above(tick - 1))
         view.hear_from_below(from_below(tick - 1))
@@ -75,7 +75,7 @@ def live(view: BodyView, ticks: range) -> None:
 
 def go_on_alone(view: BodyView, ticks: range) -> None:
     for tick in ticks:
-        view.forget(tick)
+        view.advance(tick)
         view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
 
 
@@ -129,7 +129,7 @@ def test_reckoning_takes_what_is_above_for_rigid_and_the_orientation_from_the_fo
     live(view, range(31))
     lower = shank(29)
     for tick in range(31, 70):
-        view.forget(tick)
+        view.advance(tick)
         view.sense(tick, OwnTurns(knee(29), NO_IMU), top=False)
         turned = Turn(lower.rad + 0.01 * (tick - 30), 10.0)
         view.hear_from_below(said(tick - 1, turned, NOTHING))

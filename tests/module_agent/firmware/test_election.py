@@ -45,7 +45,7 @@ PERIOD = 10
 
 
 def election(*, keeps_last: bool, rounds: int = 3, board: int = 1) -> Election:
-    config = ElectionConfig(period_ticks=PERIOD, rounds=rounds, keeps_last=keeps_last)
+    config = ElectionConfig(period_rounds=PERIOD, rounds=rounds, keeps_last=keeps_last)
     return Election(config, MaxConsensus(board_config(board)), board=board)
 
 

@@ -2,8 +2,6 @@
 
 import pytest
 
-from module_agent.firmware.frame_writer import Speech
-from module_agent.firmware.lateness import LateSpeech
 from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from tests.module_agent.robot import (
@@ -29,8 +27,8 @@ def robot(*late: int) -> Robot:
 
 
 def test_a_board_that_is_never_late_is_not_slowed_down_by_it() -> None:
-    assert type(board(1).speech) is Speech
-    assert type(board(1, clock=ClockSheet(overrun_ticks=(3,))).speech) is LateSpeech
+    assert board(1).lateness is None
+    assert board(1, clock=ClockSheet(overrun_ticks=(3,))).lateness is not None
 
 
 def test_a_late_board_says_what_it_said_before_with_the_number_of_the_tick() -> None:

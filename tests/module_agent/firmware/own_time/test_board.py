@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import AnsweredError, ReplacedError
 from module_agent.firmware.config import BoardConfig
-from module_agent.firmware.own_time.board import RealtimeBoard, own_time
+from module_agent.firmware.own_time.board import OwnTimeBoard
+from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
 from protocol.robot.commands import ANY, REFERENCE, BoardCommand, encode_board_command
 from protocol.robot.states import State
@@ -38,8 +40,8 @@ def settings(index: int) -> BoardConfig:
     return config(index, FULL, cadence=CADENCE)
 
 
-def board(index: int) -> RealtimeBoard:
-    return RealtimeBoard(settings(index), run_id=RUN, incarnation=1)
+def board(index: int) -> OwnTimeBoard:
+    return assemble_on_own_time(settings(index), run_id=RUN, incarnation=1)
 
 
 def observation(index: int, tick: int, *, command: bytes = b"", incarnation: int = 1) -> bytes:
@@ -54,14 +56,14 @@ def reference(rad: float) -> bytes:
 @pytest.mark.parametrize(("index", "delay"), [(0, 4), (1, 9), (2, 1)])
 def test_its_time_is_its_own(index: int, delay: int) -> None:
     """10 ms, less one period that goes by on the way, in periods of 2, 1 and 4 ms."""
-    own = own_time(settings(index), CADENCE)
+    own = OwnTime(settings(index)).config
     assert own.lumped_delay_ticks == delay
     assert own.tick_s == pytest.approx(0.001 * CADENCE.ticks_per_period[index])
 
 
 def test_a_delay_shorter_than_a_period_is_one_period() -> None:
     short = replace(settings(2), lumped_delay_ticks=1)
-    assert own_time(short, CADENCE).lumped_delay_ticks == 1
+    assert OwnTime(short).config.lumped_delay_ticks == 1
 
 
 def test_on_the_wire_ticks_are_the_plants() -> None:
@@ -99,13 +101,13 @@ def test_commands_in_observations_that_were_overtaken_are_obeyed() -> None:
     hip = board(2)
     hip.observe(observation(2, 0, command=reference(0.25)))
     hip.observe(observation(2, 4))
-    assert hip.reference_rad == 0.0
+    assert hip.board.reference_rad == 0.0
     hip.play(1)
-    assert hip.reference_rad == 0.25
+    assert hip.board.reference_rad == 0.25
     hip.observe(observation(2, 8, command=reference(0.5)))
     hip.play(2)
     hip.play(3)
-    assert hip.reference_rad == 0.5
+    assert hip.board.reference_rad == 0.5
 
 
 def test_an_older_observation_changes_nothing() -> None:

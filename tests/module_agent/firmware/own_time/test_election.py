@@ -1,33 +1,52 @@
 """Elections without a barrier: rounds by time, boards that sleep, are late, or come in between."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from random import Random
 
 import pytest
 
-from module_agent.custom.sandbox import FaultError
 from module_agent.firmware.config import ElectionConfig
 from module_agent.firmware.consensus import MaxConsensus
-from module_agent.firmware.controller import Candidate, Round, Vote
-from module_agent.firmware.election import Gossip, Heard
-from module_agent.firmware.own_time.election import RealtimeElection
+from module_agent.firmware.controller import (
+    Candidate,
+    ElectionRule,
+    FaultError,
+    Round,
+    Vote,
+)
+from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.own_time.translator import OwnTime
+from protocol.robot.cadence import Cadence
 from protocol.robot.states import FaultCode
 from protocol.wire.trace import Mark
+from tests.module_agent.robot import config
 
 PERIOD, ROUNDS = 100, 2
 """In plant ticks, and rounds of 4 ticks."""
 
 
-def election(
-    board: int, *, ticks_per_period: int = 2, keeps_last: bool = False
-) -> RealtimeElection:
-    return RealtimeElection(
-        ElectionConfig(PERIOD, ROUNDS, keeps_last=keeps_last),
-        MaxConsensus(Only(board)),
-        board=board,
-        ticks_per_period=ticks_per_period,
-        ticks_per_round=4,
-    )
+def own_time(ticks_per_period: int, *, period: int = PERIOD, keeps_last: bool = False) -> OwnTime:
+    cadence = Cadence((ticks_per_period,) * 3, 4, 0, 250, 40, catches_up=False)
+    elects = ElectionConfig(period, ROUNDS, keeps_last=keeps_last)
+    return OwnTime(config(0, cadence=cadence, election=elects))
+
+
+class Timed:
+    """An election that is told the slots of its board, as a board tells it."""
+
+    def __init__(self, rule: ElectionRule, own: OwnTime, *, board: int) -> None:
+        assert own.config.election is not None
+        self.own_time = own
+        self.election = Election(own.config.election, rule, board=board, listens_always=True)
+
+    def tick(self, slot: int, urgency: float, heard: list[Heard], rostered: Sequence[int]) -> None:
+        self.election.tick(self.own_time.round(slot), urgency, heard, rostered)
+
+
+def election(board: int, *, ticks_per_period: int = 2, keeps_last: bool = False) -> Timed:
+    own = own_time(ticks_per_period, keeps_last=keeps_last)
+    return Timed(MaxConsensus(Only(board)), own, board=board)
 
 
 @dataclass
@@ -71,12 +90,12 @@ class Line:
         if slot * self.rates[board] % PERIOD < self.rates[board]:
             self.urgencies[board] = self.random.random()
         one.tick(slot, self.urgencies[board], heard, range(len(near)))
-        self.marks[board].append(one.marks)
-        if one.marks & Mark.LATCHED:
-            self.decided[one.gossip.epoch, board] = one.enabled
+        self.marks[board].append(one.election.marks)
+        if one.election.marks & Mark.LATCHED:
+            self.decided[one.election.gossip.epoch, board] = one.election.enabled
         for other in near:
             arrives = now + self.random.uniform(0.1, self.latency)
-            self._under_way.append((arrives, other, board, one.gossip))
+            self._under_way.append((arrives, other, board, one.election.gossip))
 
 
 @pytest.mark.parametrize("rates", [(2, 2, 2), (1, 2, 1), (2, 1, 2), (1, 1, 2)])
@@ -87,7 +106,7 @@ def test_exactly_one_is_elected_whatever_the_phases(rates: tuple[int, ...], seed
     line.run(10 * PERIOD)
     for epoch in range(10):
         assert sum(line.decided[epoch, board] for board in range(3)) == 1
-    assert [one.incomplete_epochs for one in line.boards] == [0, 0, 0]
+    assert [one.election.incomplete_epochs for one in line.boards] == [0, 0, 0]
 
 
 def test_a_board_that_comes_late_passes_on_and_does_not_stand() -> None:
@@ -104,7 +123,7 @@ def test_a_board_that_sleeps_through_an_epoch_stays_as_it_was() -> None:
     line.asleep[2] = range(95, 130)
     line.run(2 * PERIOD)
     assert (1, 2) not in line.decided
-    assert line.boards[2].enabled == line.decided[0, 2]
+    assert line.boards[2].election.enabled == line.decided[0, 2]
     assert line.marks[2].count(Mark.MISSED_EPOCH) == 1
 
 
@@ -112,7 +131,7 @@ def test_a_round_that_was_slept_through_makes_the_epoch_incomplete() -> None:
     line = Line((2, 2, 2), latency=0.9, seed=1)
     line.asleep[0] = range(102, 107)  # Round 1 of epoch 1.
     line.run(2 * PERIOD)
-    assert line.boards[0].incomplete_epochs == 1
+    assert line.boards[0].election.incomplete_epochs == 1
     assert (1, 0) in line.decided, "it decides with what it knows"
 
 
@@ -120,32 +139,29 @@ def test_it_keeps_what_it_was_if_told_to() -> None:
     one = election(0, keeps_last=True)
     for slot in range(50):
         one.tick(slot, 0.1, [], [0])
-    assert one.enabled, "nothing was heard of the neighbour, so it is as at first"
-    assert one.incomplete_epochs == 1
+    assert one.election.enabled, "nothing was heard of the neighbour, so it is as at first"
+    assert one.election.incomplete_epochs == 1
 
 
 @pytest.mark.parametrize("first_slot", [2, 3, 20, 49])
 def test_a_board_that_joins_in_the_middle_waits_for_the_next_epoch(first_slot: int) -> None:
     one = election(0)
-    one.enabled = False
+    one.election.enabled = False
     marks = []
     for slot in range(first_slot, 60):
         one.tick(slot, 0.1, [], [])
-        marks.append((slot, one.marks))
+        marks.append((slot, one.election.marks))
     assert [slot for slot, mark in marks if mark] == [50, 54]
-    assert one.enabled
+    assert one.election.enabled
 
 
 def test_the_last_round_takes_what_is_left_of_the_period() -> None:
     """A period of 102 ticks has 25 rounds of 4; the rest belongs to the last."""
-    odd = ElectionConfig(102, ROUNDS, keeps_last=False)
-    one = RealtimeElection(
-        odd, MaxConsensus(Only(0)), board=0, ticks_per_period=2, ticks_per_round=4
-    )
+    one = Timed(MaxConsensus(Only(0)), own_time(2, period=102), board=0)
     began = []
     for slot in range(200):
         one.tick(slot, 0.1, [], [])
-        if one.marks & Mark.BEGAN:
+        if one.election.marks & Mark.BEGAN:
             began.append(slot * 2)
     assert began == [0, 102, 204, 306]
 
@@ -154,8 +170,8 @@ def test_gossip_of_another_epoch_counts_for_nothing() -> None:
     one = election(0)
     for slot in range(5):
         one.tick(slot, 0.1, [Heard(0, Gossip(7, 1, Candidate(9.0, 1)))], [0])
-    assert one.enabled
-    assert one.incomplete_epochs == 1
+    assert one.election.enabled
+    assert one.election.incomplete_epochs == 1
 
 
 def test_a_rule_that_fails_in_a_round_slept_through_costs_the_others_nothing() -> None:
@@ -166,22 +182,16 @@ def test_a_rule_that_fails_in_a_round_slept_through_costs_the_others_nothing() -
 
         def vote(self, now: Round) -> Vote:
             if now.number == 1:
-                raise FaultError(FaultCode.ELECTION_RAISED, ValueError("no"))
+                raise FaultError(FaultCode.ELECTION_RAISED, summary="no", trace="no")
             return Vote(Candidate(now.urgency, 0), enabled=True)
 
-    one = RealtimeElection(
-        ElectionConfig(PERIOD, ROUNDS, keeps_last=False),
-        Failing(),
-        board=0,
-        ticks_per_period=2,
-        ticks_per_round=4,
-    )
+    one = Timed(Failing(), own_time(2), board=0)
     one.tick(0, 0.5, [], [0])
     said = [Heard(0, Gossip(0, 1, Candidate(0.9, 1)))]
     with pytest.raises(FaultError):
         one.tick(4, 0.5, said, [0])  # In round 2; round 1 was slept through.
-    one.relay(Only(0))
+    one.election.relay(Only(0))
     one.tick(4, 0.0, said, [0])
-    assert one.gossip == (0, 2, Candidate(0.9, 1))
-    assert one.marks & Mark.LATCHED
-    assert not one.enabled
+    assert one.election.gossip == (0, 2, Candidate(0.9, 1))
+    assert one.election.marks & Mark.LATCHED
+    assert not one.election.enabled

@@ -7,9 +7,12 @@ import pytest
 
 from module_agent.firmware.link_model import LinkModel
 from module_agent.firmware.own_time.mailbox import FRAMES_MAX, STALE_PERIODS, Mailbox
+from module_agent.firmware.own_time.translator import OwnTime
+from protocol.robot.cadence import Cadence
 from protocol.robot.commands import PERFECT, LinkParameters
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Neighbour, Reason, encode
 from protocol.wire.trace import Lived, Taken, TraceWriter, decode_trace
+from tests.module_agent.robot import config
 
 RUN = 2**31 + 7
 OWN, SENDERS = 2, 4
@@ -18,10 +21,16 @@ AHEAD = 16
 THERE = Neighbour(1, NO_TICK, 0)
 
 
-def mailbox(parameters: LinkParameters = PERFECT, **changes: Any) -> Mailbox:
+def mailbox(
+    parameters: LinkParameters = PERFECT,
+    *,
+    own: int = OWN,
+    senders: int = SENDERS,
+    ahead: int = AHEAD,
+) -> Mailbox:
     link = LinkModel(seed=1, sender=1, receiver=0, standing=parameters)
-    settings = {"ticks_per_period": OWN, "sender_ticks_per_period": SENDERS, **changes}
-    return Mailbox(link, run_id=RUN, boards=3, **{"ahead_ticks_max": AHEAD, **settings})
+    cadence = Cadence((own, senders, senders), 8, 0, ahead, 40, catches_up=False)
+    return Mailbox(link, OwnTime(config(0, cadence=cadence)), run_id=RUN, boards=3)
 
 
 def frame(tick: int, **changes: Any) -> bytes:
@@ -83,7 +92,7 @@ def test_a_storm_leaves_the_newest_few() -> None:
 
 
 def test_samples_come_in_own_periods_the_nearest_one() -> None:
-    box = mailbox(sender_ticks_per_period=1)
+    box = mailbox(senders=1)
     for tick, nearest in ((4, 2), (5, 3), (6, 3), (7, 4)):
         box.put(frame(tick))
         assert [one.sample_tick for one in box.take(4, THERE)] == [nearest]
@@ -175,7 +184,7 @@ def test_the_warm_up_knows_no_faults() -> None:
 @pytest.mark.parametrize("apart", [1, 63, 64, 500, 3000])
 def test_what_is_far_apart_is_not_taken_together(apart: int) -> None:
     """On a host that is far too slow a neighbour can be far ahead; the trace has to hold it."""
-    box = mailbox(ahead_ticks_max=10**5)
+    box = mailbox(ahead=10**5)
     for tick in (0, apart * SENDERS):
         box.put(frame(tick))
     together = apart <= 63

@@ -4,7 +4,7 @@ from math import nan
 
 import pytest
 
-from module_agent.firmware.own_time.sensing import RealtimeSensing
+from module_agent.firmware.sensing import Sensing
 from protocol.wire.frames import Observation, decode
 from tests.module_agent.robot import moving, observation
 
@@ -12,17 +12,16 @@ PERIOD = 2
 """In ticks of 1 ms."""
 
 
-def sensing() -> RealtimeSensing:
-    return RealtimeSensing(tick_s=PERIOD * 1e-3, has_imu=True)
+def sensing() -> Sensing:
+    return Sensing(tick_s=PERIOD * 1e-3, has_imu=True)
 
 
-def read(one: RealtimeSensing, slot: int, sampled: int, **changes: float) -> None:
+def read(one: Sensing, sampled: int, **changes: float) -> None:
     seen = decode(Observation, observation(2, sampled * PERIOD))
-    one.sampled_slot = sampled
-    one.read(seen._replace(tick=slot, readings=seen.readings._replace(**changes)))
+    one.read(seen._replace(tick=sampled, readings=seen.readings._replace(**changes)))
 
 
-def accused(one: RealtimeSensing) -> tuple[int, int, int]:
+def accused(one: Sensing) -> tuple[int, int, int]:
     return one.implausible_samples, one.inconsistent_samples, one.stuck_samples
 
 
@@ -31,7 +30,7 @@ def test_an_observation_that_holds_accuses_nobody(held: int) -> None:
     """Every so many turns one arrives, and the joint turns by 3 rad/s."""
     one = sensing()
     for slot in range(1000):
-        read(one, slot, slot - slot % held)
+        read(one, slot - slot % held)
     assert accused(one) == (0, 0, 0)
     assert one.safe
 
@@ -39,7 +38,7 @@ def test_an_observation_that_holds_accuses_nobody(held: int) -> None:
 def test_a_gap_that_ends_is_no_jump() -> None:
     one = sensing()
     for slot in [*range(50), *range(90, 140), 141, 143, *range(160, 200)]:
-        read(one, slot, slot)
+        read(one, slot)
     assert accused(one) == (0, 0, 0)
 
 
@@ -47,9 +46,9 @@ def test_the_same_reading_does_not_pass_twice_as_new() -> None:
     """What is wrong is counted once, however long the observation holds."""
     one = sensing()
     for slot in range(20):
-        read(one, slot, slot)
-    for slot in range(20, 30):
-        read(one, slot, 20, joint_rad=nan)
+        read(one, slot)
+    for _ in range(20, 30):
+        read(one, 20, joint_rad=nan)
     assert accused(one) == (1, 0, 0)
     assert one.safe
 
@@ -57,9 +56,9 @@ def test_the_same_reading_does_not_pass_twice_as_new() -> None:
 def test_a_sensor_that_lies_is_noticed_between_readings_that_follow_each_other() -> None:
     one = sensing()
     for slot in range(20):
-        read(one, slot, slot)
+        read(one, slot)
     joint_rad = moving(2, 19 * PERIOD)[0]
     for slot in range(20, 60):
-        read(one, slot, slot, joint_rad=joint_rad)
+        read(one, slot, joint_rad=joint_rad)
     assert sum(accused(one)) > 10
     assert not one.safe

@@ -2,8 +2,13 @@
 
 import pytest
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, LATENESS_TICKS_MAX, OwnTurns, Turn
-from module_agent.firmware.own_time.view import RealtimeView
+from module_agent.firmware.body_view import (
+    FORGET_EVERY_TICKS,
+    LATENESS_TICKS_MAX,
+    BodyView,
+    OwnTurns,
+    Turn,
+)
 from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame
@@ -12,8 +17,8 @@ DELAY, HOLD = 4, 10
 LINK = Link(10.0, 0.5, 0.25, 0.2)
 
 
-def view(*, has_imu: bool = True, pitch: int = 1) -> RealtimeView:
-    return RealtimeView(
+def view(*, has_imu: bool = True, pitch: int = 1) -> BodyView:
+    return BodyView(
         LINK,
         tick_s=0.002,
         lumped_delay_ticks=DELAY,
@@ -28,12 +33,10 @@ def turn(slot: int) -> Turn:
     return Turn(0.01 * slot, 0.1)
 
 
-def live(one: RealtimeView, slot: int, sampled: int, *, top: bool = True) -> None:
+def live(one: BodyView, slot: int, sampled: int, *, top: bool = True) -> None:
     """A period in which the newest observation is of `sampled`."""
-    one.hold_until(slot - DELAY)
-    one.sampled_slot = sampled
-    one.forget(slot)
-    one.sense(slot, OwnTurns(turn(sampled), turn(sampled)), top=top)
+    one.advance(slot)
+    one.sense(sampled, OwnTurns(turn(sampled), turn(sampled)), top=top)
 
 
 def test_a_sample_bears_the_period_in_which_it_was_taken() -> None:
