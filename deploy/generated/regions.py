@@ -19,6 +19,7 @@ from deploy.generated.exit_codes import exit_codes
 from deploy.generated.scenario_keys import scenario_keys
 from deploy.generated.scenarios import scenarios
 from deploy.generated.summary_keys import summary_keys
+from deploy.generated.wire import message_tables
 
 ROOT = Path(__file__).parents[2]
 TABLES: dict[str, Callable[[], str]] = {
@@ -33,6 +34,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "scenario-keys": scenario_keys,
     "scenarios": scenarios,
     "summary-keys": summary_keys,
+    **message_tables(),
 }
 REGION = re.compile(
     r"^<!-- generated: (?P<name>[a-z0-9-]+) -->\n.*?^<!-- end -->$", re.MULTILINE | re.DOTALL

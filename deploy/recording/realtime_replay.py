@@ -35,7 +35,8 @@ from protocol.wire.frames import (
     TorqueFrame,
     decode,
 )
-from protocol.wire.trace import Lived, Trace, decode_told
+from protocol.wire.trace import Lived, Trace
+from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
 FAULT = "fault"

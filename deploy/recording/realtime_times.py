@@ -20,7 +20,8 @@ from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
-from protocol.wire.trace import Lived, Mark, Trace, decode_told
+from protocol.wire.trace import Lived, Mark, Trace
+from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
 US_PER_MS = 1e3

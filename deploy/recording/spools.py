@@ -14,7 +14,8 @@ from deploy.recording.replay import Replay
 from plant_server.record import Outcome, TickRecord
 from plant_server.spool.spool import PLANT, Spool, read_spool
 from protocol.wire.frames import LinkFrame, ProtocolError, decode
-from protocol.wire.trace import LastWord, Trace, decode_told
+from protocol.wire.trace import LastWord, Trace
+from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
 

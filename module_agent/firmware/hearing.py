@@ -13,16 +13,21 @@ from abc import ABC, abstractmethod
 from collections import Counter
 
 from module_agent.firmware.link_model import LinkModel
-from protocol.wire.frames import NO_TICK, LinkFrame, Neighbour, ProtocolError, Reason, decode
+from protocol.wire.frames import (
+    NO_TICK,
+    UNHEARD_TICKS_MAX,
+    LinkFrame,
+    Neighbour,
+    ProtocolError,
+    Reason,
+    decode,
+    receive,
+)
 
 EARLY_TICKS_MAX = 2
 """A neighbour is at most one tick ahead of this board, which has yet to hear the tick before."""
 EARLY_FRAMES_MAX = 4
 """A neighbour may be replaced in between; more is a storm."""
-MAGNITUDE_MAX = 1e6
-"""No length, mass, angle, rate or urgency of a body reaches this."""
-UNHEARD_TICKS_MAX = 255
-"""The echo of a neighbour is not counted beyond this."""
 
 
 class LinkEnd(ABC):
@@ -69,14 +74,11 @@ class LinkEnd(ABC):
         if frame.incarnation < self.incarnation:
             raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation} is gone")
 
-    def check_numbers(self, frame: LinkFrame) -> None:
-        """See whether what a frame says can be true of a body. Raises `ProtocolError`."""
-        for number in frame[-7:]:
-            if not -MAGNITUDE_MAX <= number <= MAGNITUDE_MAX:  # Nor is a NaN.
-                raise ProtocolError(Reason.RANGE, f"{number} is of no body")
-        if not 0.0 <= frame.urgency <= MAGNITUDE_MAX or frame.mass_kg < 0.0:
-            raise ProtocolError(Reason.RANGE, f"urgency {frame.urgency}, mass {frame.mass_kg} kg")
-        if not 0 <= frame.candidate < self.boards:
+    def check_numbers(self, frame: LinkFrame, out_of_range: ProtocolError | None) -> None:
+        """See whether what a frame says can be true of this body. Raises `ProtocolError`."""
+        if out_of_range is not None:
+            raise out_of_range
+        if frame.candidate >= self.boards:
             raise ProtocolError(Reason.RANGE, f"candidate {frame.candidate}")
 
     def damage(self, payload: bytes, bit: int) -> None:
@@ -101,10 +103,10 @@ class Hearing(LinkEnd):
     def put(self, payload: bytes) -> int:
         """Take what the network brought, as `LinkEnd.put`."""
         try:
-            frame = decode(LinkFrame, payload)
+            frame, out_of_range = receive(LinkFrame, payload)
             self.check_sender(frame)
             self._check_tick(frame.tick)
-            self.check_numbers(frame)
+            self.check_numbers(frame, out_of_range)
         except ProtocolError as error:
             self.refused[error.reason] += 1
             return NO_TICK

@@ -26,7 +26,8 @@ from plant_server.session.answers import read_answer
 from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
 from protocol.wire.frames import ProtocolError, Reason, TorqueFrame, encode
-from protocol.wire.trace import LastWord, Mark, decode_told
+from protocol.wire.trace import LastWord, Mark
+from protocol.wire.trace_differences import decode_told
 
 
 @dataclass(slots=True)

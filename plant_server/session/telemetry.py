@@ -9,9 +9,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from protocol.robot.states import COUNTERS, Counters, FaultCode
-from protocol.wire.frames import FAULT_PARTS_MAX, Fault, ProtocolError, Reason, decode
-
-CODES = frozenset(map(int, FaultCode))
+from protocol.wire.frames import Fault, ProtocolError, Reason, receive
 
 
 class Failure(NamedTuple):
@@ -52,16 +50,18 @@ class Telemetry:
         self, board: int, payload: bytes, *, run_id: int, incarnation: int, tick: int
     ) -> Failure | None:
         """Take one part of a report; the whole, when it was the last. Raises `ProtocolError`."""
-        frame = decode(Fault, payload)
+        frame, out_of_range = receive(Fault, payload)
         if frame.run_id != run_id:
             raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
         if frame.incarnation != incarnation or incarnation == 0:
             raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
         if frame.tick != tick and self.waits:
             raise ProtocolError(Reason.TICK, f"tick {frame.tick}, not {tick}")
-        if frame.code not in CODES or not frame.text.replace("\n", "").isprintable():
-            raise ProtocolError(Reason.RANGE, f"code {frame.code}")
-        if not 0 <= frame.part < frame.parts <= FAULT_PARTS_MAX:
+        if out_of_range is not None:
+            raise out_of_range
+        if not frame.text.replace("\n", "").isprintable():
+            raise ProtocolError(Reason.RANGE, "a text that cannot be printed")
+        if frame.part >= frame.parts:
             raise ProtocolError(Reason.RANGE, f"part {frame.part} of {frame.parts}")
         parts = self._parts[board]
         if self.failures[board] is not None or frame.part != len(parts):

@@ -12,14 +12,11 @@ from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.session.enrolment import Enrolment
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import undisturbed
-from protocol.wire.frames import NO_TICK, ProtocolError, Reason, decode
+from protocol.wire.frames import NO_TICK, ProtocolError, Reason, receive
 from protocol.wire.timing import Timing
 
 Timings = Iterable[tuple[int, bytes]]
 """Boards, and the `Timing` frames that have come from them."""
-NUMBER_END = 2**63
-"""What is recorded can be read by whoever has 64 bits."""
-NOT_HEARD = -1
 
 
 class Recorder:
@@ -62,8 +59,10 @@ class Recorder:
         """Keep frames that tell of ticks up to the open one, and count what cannot be used."""
         for board, payload in timings:
             try:
-                frame = decode(Timing, payload)
+                frame, out_of_range = receive(Timing, payload)
                 self._check(board, frame)
+                if out_of_range is not None:
+                    raise out_of_range
             except ProtocolError as error:
                 self.refused[error.reason] += 1
             else:
@@ -79,8 +78,3 @@ class Recorder:
             raise ProtocolError(Reason.TICK, f"{len(frame.ticks)} ticks from {frame.tick}")
         if not frame.ticks:
             raise ProtocolError(Reason.RANGE, "no ticks")
-        *own, first, second = map(min, zip(*frame.ticks, strict=True))
-        if min(*own, *frame[3:7]) < 0 or min(first, second) < NOT_HEARD:
-            raise ProtocolError(Reason.RANGE, "a time below 0")
-        if max(*frame[3:7], *map(max, frame.ticks)) >= NUMBER_END:
-            raise ProtocolError(Reason.RANGE, f"a number of {NUMBER_END} or more")

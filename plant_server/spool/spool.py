@@ -4,6 +4,8 @@ Rule 1: appending is cheap; everything that takes time happens on another thread
 Rule 2: the spool is chunks (`chunks`) of msgpack records, each a kind and its fields.
 Rule 3: trouble with the disk never reaches the control loop; it is told once, and recording stops.
 Rule 4: the record of how the run ended is the last one, so without it a spool is incomplete.
+Rule 5: the first record says of which version of the wire the frames in it are. Another one is not
+        read: its numbers could mean anything.
 """
 
 import json
@@ -21,7 +23,7 @@ from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.scenario import Scenario, ScenarioError, canonical
 from protocol.robot.scenario import decode as decode_scenario
-from protocol.wire.frames import decode
+from protocol.wire.frames import VERSION, decode, version_trouble
 from protocol.wire.timing import Timing
 
 CHUNK_BYTES = 1 << 18
@@ -54,7 +56,7 @@ class SpoolWriter:
         self._pack = msgpack.Packer(use_bin_type=True).pack
         self._tell = tell
         self._told = self._closed = False
-        self._chunks.put(self._pack((_SCENARIO, canonical(scenario))))
+        self._chunks.put(self._pack((_SCENARIO, canonical(scenario), VERSION)))
         self.note(facts or {})
 
     def __enter__(self) -> Self:
@@ -168,6 +170,7 @@ def read_spool(path: Path) -> Spool:
             board, told = fields
             realtime.append((board, told))
         else:
+            _check_version(fields[1:])
             scenario = recorded_scenario(fields[0])
     if scenario is None:
         raise ValueError("it holds no complete chunk of a run")
@@ -181,6 +184,13 @@ def recorded_scenario(payload: bytes) -> Scenario:
         return decode_scenario(payload)
     except ScenarioError as error:
         raise ValueError(f"its scenario: {error}") from error
+
+
+def _check_version(told: list[Any]) -> None:
+    """Refuse another version; a spool of the first one did not tell."""
+    trouble = version_trouble(told[0] if told else 1)
+    if trouble is not None:
+        raise ValueError(trouble)
 
 
 def _records(content: bytes) -> Iterator[list[Any]]:

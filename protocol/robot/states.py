@@ -10,8 +10,6 @@ Rule 2: numbers on the wire keep their meaning; new ones come behind.
 from enum import IntEnum
 from typing import NamedTuple
 
-from protocol.wire.frames import Reason
-
 
 class State(IntEnum):
     """Firmware state of a board. What is not in `ON_WIRE` is before its first torque frame."""
@@ -153,4 +151,3 @@ class Counters(NamedTuple):
 
 
 COUNTERS = Counters._fields
-assert {f"refused_{reason}" for reason in Reason} <= set(COUNTERS)

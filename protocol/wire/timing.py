@@ -5,37 +5,80 @@ depends on it. How long a frame was under way is its arrival less `decided_us` o
 tick before, where both read the same clock.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from protocol.wire.fields import field
+
+INT64_MAX = 2**63 - 1
+"""What is recorded can be read by whoever has 64 bits."""
+NOT_HEARD = -1
 
 
 class TickTiming(NamedTuple):
     """One tick of a board, in microseconds after the frame's `base_ns`."""
 
-    taken_up_us: int
-    """The observation was read."""
-    decided_us: int
-    """The tick was thought through, and the board began to speak."""
-    said_us: int
-    """The last frame, the torque, was put."""
-    first_arrived_us: int
-    """What the first neighbour (from the ground up) said in the tick before was here; -1: never."""
-    second_arrived_us: int
-    """The same of the second neighbour; -1 also where there is none."""
+    taken_up_us: Annotated[
+        int, field("when the observation was read, after `base_ns`", unit="µs", ge=0, le=INT64_MAX)
+    ]
+    decided_us: Annotated[
+        int,
+        field(
+            "when the tick was thought through and the first frame about to be put",
+            unit="µs",
+            ge=0,
+            le=INT64_MAX,
+        ),
+    ]
+    said_us: Annotated[
+        int,
+        field("when the last frame, the torque, had been put", unit="µs", ge=0, le=INT64_MAX),
+    ]
+    first_arrived_us: Annotated[
+        int,
+        field(
+            "when the frame arrived that the first neighbour sent in the tick before; -1: none",
+            unit="µs",
+            ge=NOT_HEARD,
+            le=INT64_MAX,
+        ),
+    ]
+    second_arrived_us: Annotated[
+        int,
+        field(
+            "the same of the second neighbour; -1 also where there is none",
+            unit="µs",
+            ge=NOT_HEARD,
+            le=INT64_MAX,
+        ),
+    ]
 
 
 class Timing(NamedTuple):
     """Board to a plant that records, every few ticks: when it did what. Nothing waits for it."""
 
-    run_id: int
-    incarnation: int
-    tick: int
-    """The first of `ticks`, which follow each other without gaps."""
-    base_ns: int
-    """A reading of the board's monotonic clock."""
-    clock: int
-    """Boards with the same number read the same monotonic clock; 0: unknown."""
-    cpu_us: int
-    """Processor time of the board's process so far."""
-    memory_kb: int
-    """The most memory that it has had resident."""
-    ticks: tuple[TickTiming, ...]
+    run_id: Annotated[int, field("the run, as granted at enrolment")]
+    incarnation: Annotated[int, field("of the sender")]
+    tick: Annotated[
+        int, field("of the first entry; the others are of the ticks that follow, without gaps")
+    ]
+    base_ns: Annotated[
+        int, field("a reading of the board's monotonic clock", unit="ns", ge=0, le=INT64_MAX)
+    ]
+    clock: Annotated[
+        int,
+        field(
+            "names that clock, in 32 bits: two boards with the same number, but 0, read the same"
+            " clock; 0: unknown",
+            ge=0,
+            le=INT64_MAX,
+        ),
+    ]
+    cpu_us: Annotated[
+        int, field("processor time of the board's process so far", unit="µs", ge=0, le=INT64_MAX)
+    ]
+    memory_kb: Annotated[
+        int, field("the most memory that it has had resident", unit="KiB", ge=0, le=INT64_MAX)
+    ]
+    ticks: Annotated[
+        tuple[TickTiming, ...], field("at least one, and no more than fit into the frame")
+    ]

@@ -22,7 +22,8 @@ from plant_server.session.pace import Pace
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import ProtocolError
-from protocol.wire.trace import Lived, decode_trace
+from protocol.wire.trace import Lived
+from protocol.wire.trace_differences import decode_trace
 
 US, MS = 1_000, 1_000_000
 

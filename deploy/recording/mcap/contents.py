@@ -17,10 +17,14 @@ from mcap.records import Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from zstandard import ZstdError
 
+from protocol.wire.frames import version_trouble
+
 FORMAT = "2"
 """Of what is on the channels; another one cannot be read."""
 METADATA, FACTS = "decmesh", "facts"
 """Names of the metadata: what the file is, and facts of the run."""
+WIRE = "wire"
+"""Which of the former says what version of the wire the frames are of."""
 DAMAGE = (
     McapError,
     ZstdError,
@@ -108,11 +112,14 @@ def parts(file: IO[bytes], registry: Registry) -> Iterator[dict[str, str] | byte
 
 
 def _described(metadata: dict[str, str]) -> dict[str, str]:
-    """The file's own word for what it is. Raises `NoRecordingError` for another format."""
+    """The file's own word for what it is. Raises `NoRecordingError` for another version of it."""
     if metadata["format"] != FORMAT:
         raise NoRecordingError(
             f"it has format {metadata['format']}, and this decmesh reads format {FORMAT}"
         )
+    trouble = version_trouble(int(metadata.get(WIRE, "1")))  # The first version did not tell.
+    if trouble is not None:
+        raise NoRecordingError(trouble)
     return metadata
 
 

@@ -2,8 +2,9 @@
 
 Rule 1: a file appears under its name when it is whole, and not before.
 Rule 2: it holds all that the spool held, so it is read back as one.
-Rule 3: metadata say what one wants to know without reading on. Named `decmesh`: the format, whether
-        the recording is complete, `logical_sha256`, scenario, digest, ticks. Named `facts`: those.
+Rule 3: metadata say what one wants to know without reading on. Named `decmesh`: the format, the
+        version of the wire, whether the recording is complete, `logical_sha256`, scenario, digest,
+        ticks. Named `facts`: those.
 """
 
 import math
@@ -23,6 +24,7 @@ from deploy.recording.mcap.contents import (
     FACTS,
     FORMAT,
     METADATA,
+    WIRE,
     Content,
     NoRecordingError,
     contents,
@@ -33,6 +35,7 @@ from deploy.recording.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.scenario import Scenario
+from protocol.wire.frames import VERSION
 from protocol.wire.timing import Timing
 
 UNFINISHED = ".unfinished"
@@ -126,6 +129,7 @@ def _metadata(spool: Spool, digest: bytes) -> dict[str, dict[str, str]]:
     return {
         METADATA: {
             "format": FORMAT,
+            WIRE: str(VERSION),
             "complete": str(spool.complete).lower(),
             "logical_sha256": logical_sha256(spool),
             "scenario": str(spool.scenario.name),

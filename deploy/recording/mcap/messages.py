@@ -28,7 +28,8 @@ from deploy.recording.trajectory import Trajectory
 from plant_server.record import TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
-from protocol.wire.trace import LastWord, Trace, decode_told
+from protocol.wire.trace import LastWord, Trace
+from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
 NS_MAX = 2**63 - 1

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from deploy.recording.mcap.bodies import Body
 from deploy.recording.mcap.realtime_schema import PACE
-from protocol.wire.trace import LastWord, Lived, Taken, Trace, encode_trace
+from protocol.wire.trace import LastWord, Lived, Taken, Trace
+from protocol.wire.trace_differences import encode_trace
 
 
 def of_trace(trace: Trace, payload: bytes, ticks_per_period: int) -> Iterator[Body]:

@@ -3,9 +3,17 @@
 Rule: what is on a channel of lockstep as well has the same fields there, and may mean less.
 """
 
-from deploy.recording.mcap.schema import EPOCH, INTEGER, NUMBER, SENDER, TEXT, TORQUE, Kind
-from protocol.wire.frames import NO_TICK
-from protocol.wire.trace import Mark
+from deploy.recording.mcap.schema import (
+    EPOCH,
+    INTEGER,
+    NUMBER,
+    SENDER,
+    TEXT,
+    TORQUE,
+    Kind,
+    mirrored,
+)
+from protocol.wire.trace import Lived
 
 IN_FORCE = TORQUE._replace(
     about="The torque frame of a board that was in force in a tick, whenever it had come."
@@ -25,29 +33,7 @@ TURN = Kind(
     {
         **SENDER,
         "tick": (INTEGER, "first tick of the slot; frames sent in this pass have it"),
-        "slot": (INTEGER, "the board's own period that was played, counted from the release"),
-        "woke_us": (INTEGER, "when the turn began, in us"),
-        "late_us": (INTEGER, "how long after it, or the first slot skipped for it, was due, in us"),
-        "busy_us": (INTEGER, "from then until its torque was on the way, in us"),
-        "phase_us": (INTEGER, "since the slot began by the plant's ticks, as it knew them, in us"),
-        "seen_tick": (INTEGER, "tick of the observation that it used"),
-        "skipped": (INTEGER, "slots since the turn before that it did not play"),
-        "marks": (
-            INTEGER,
-            "bits; " + ", ".join(f"{mark.value}: {mark.name}".lower() for mark in Mark),
-        ),
-        "taken": (
-            [
-                {
-                    "newest_tick": (INTEGER, f"when the newest so far was sent; {NO_TICK}: none"),
-                    "before": (
-                        INTEGER,
-                        "bit j: with it, the frame sent j + 1 of its sender's periods before",
-                    ),
-                }
-            ],
-            "frames used, the lower neighbour first; newest_tick as the turn before: nothing new",
-        ),
+        **mirrored(Lived),
         "follow": (INTEGER, "turns that follow in the same trace frame"),
         "frame_hex": (TEXT, "that frame, behind its last turn, where encoding does not give it"),
     },

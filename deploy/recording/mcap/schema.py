@@ -5,14 +5,16 @@ Rule 1: types are the plain ones that viewers know. JSON has no NaN, so a number
 Rule 2: a list of numbers has one for each joint, from the ground up, unless it says otherwise.
 Rule 3: what has many shapes (a scenario, facts, an event) is there as JSON text, beside the fields
         that one looks for first.
+Rule 4: what mirrors a message of the wire has its fields and their meaning from there.
 """
 
+from collections.abc import Container
 from typing import Any, NamedTuple
 
 from deploy.recording.frame_fate import FrameFate
-from protocol.robot.sensors import MEANINGS
-from protocol.robot.states import State
-from protocol.wire.frames import NO_TICK, Reason
+from protocol.wire.fields import fields
+from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Observation, Reason, TorqueFrame
+from protocol.wire.timing import Timing
 
 NUMBER, INTEGER, TEXT = "number", "integer", "string"
 Fields = dict[str, tuple[Any, str]]
@@ -56,18 +58,35 @@ def _type(type_: Any) -> dict[str, Any]:
     return {"type": "array", "items": {"type": inner} if isinstance(inner, str) else _object(inner)}
 
 
+def mirrored(message: type, *, without: Container[str] = ()) -> Fields:
+    """Fields of what mirrors a message of the wire, as that describes them.
+
+    Bytes are in hex; what stands in an array of its own, if only once, stands beside the others.
+    """
+    found: Fields = {}
+    for of in fields(message):
+        if of.name in without:
+            continue
+        about = _spelled(f"{of.meaning}, in {of.unit}" if of.unit else of.meaning)
+        if of.repeats:
+            found[of.name] = ([mirrored(of.type)], about)
+        elif of.type is bytes:
+            found[f"{of.name}_hex"] = (TEXT, about)
+        elif of.type in PLAIN:
+            found[of.name] = (PLAIN[of.type], about)
+        else:
+            found |= mirrored(of.type)
+    return found
+
+
+def _spelled(meaning: str) -> str:
+    """Put numbers in place of names that only the specification explains."""
+    return meaning.replace("NO_TICK", str(NO_TICK)).replace("NO_EPOCH", str(NO_EPOCH))
+
+
+PLAIN: dict[type, str] = {int: INTEGER, float: NUMBER, str: TEXT}
 TICK: Fields = {"tick": (INTEGER, "below 0 in warm-up; tick 0 releases the body")}
-SENDER: Fields = {
-    "run_id": (INTEGER, "name of the run in its frames"),
-    "incarnation": (INTEGER, "which board this is of those that have had the joint, from 1"),
-}
-GOSSIP: Fields = {
-    "epoch": (INTEGER, "epoch of the election; -1: none, and the three below mean nothing"),
-    "round": (INTEGER, "rounds of max-consensus ended in this epoch"),
-    "urgency": (NUMBER, "largest |error| known in this epoch, the paper's w; rad"),
-    "candidate": (INTEGER, "board whose urgency that is, 0 is the lowest"),
-}
-READINGS: Fields = {field: (NUMBER, meaning) for field, meaning in MEANINGS.items()}
+SENDER: Fields = {name: mirrored(LinkFrame)[name] for name in ("run_id", "incarnation")}
 
 SCENARIO = Kind(
     "decmesh.Scenario",
@@ -104,53 +123,19 @@ PLANT_TICK = Kind(
 OBSERVATION = Kind(
     "decmesh.Observation",
     "What the plant sent to one board at the start of a tick. Computed again from the recording.",
-    {
-        **SENDER,
-        **TICK,
-        **READINGS,
-        "command_hex": (TEXT, "a board command of the wire specification; empty: none"),
-        "neighbours": (
-            [
-                {
-                    "incarnation": (INTEGER, "who is there; 0: nobody"),
-                    "completed_tick": (INTEGER, f"last tick that it answered; {NO_TICK}: none"),
-                    "waits": (INTEGER, "1: wait for its frame before ticking"),
-                }
-            ],
-            "the roster as this board sees it, its lower neighbour first",
-        ),
-    },
+    mirrored(Observation),
 )
 TORQUE = Kind(
     "decmesh.Torque",
     "What a board answered, as recorded.",
     {
-        **SENDER,
-        **TICK,
-        "torque_nm": (NUMBER, "what it asks for; what was applied is in /plant/tick"),
-        "state": (INTEGER, ", ".join(f"{state.value}: {state.name.lower()}" for state in State)),
-        "enabled": (INTEGER, "the enabling variable y: 1 moves, 0 holds"),
-        "controlled_rad": (NUMBER, "controlled variable of one lumped delay ago"),
-        **GOSSIP,
+        **mirrored(TorqueFrame),
         "counter": (TEXT, "what is counted in this frame; the next tick has the next counter"),
-        "counted": (INTEGER, "how many, since the board began"),
-        "links": (
-            [
-                {
-                    "heard_mask": (INTEGER, "bit j: used the frame sent in tick - 1 - j"),
-                    "sent_crc": (INTEGER, "CRC-32 of the link frame that it sent"),
-                    "unheard_ticks": (
-                        INTEGER,
-                        "since when the neighbour has used no frame of this board",
-                    ),
-                }
-            ],
-            "receipts, the lower neighbour first",
-        ),
         "frame_hex": (TEXT, "the frame itself, where encoding these fields does not give it"),
     },
     frozenset({"frame_hex"}),
 )
+_SAID = mirrored(LinkFrame, without={"tick", "heard_tick"})
 LINK = Kind(
     "decmesh.LinkFrame",
     "What a board sent to a neighbour, and what became of it. Computed again, and checked by the"
@@ -162,20 +147,10 @@ LINK = Kind(
         "heard_tick": (INTEGER, f"when it was used first; {NO_TICK}: never"),
         "sent_crc": (INTEGER, "CRC-32 of the frame, by its sender's receipt, if there is one"),
         "frame_bytes": (INTEGER, "its size on the wire; 0: not known"),
-        **SENDER,
-        "echo_tick": (INTEGER, f"newest frame used from the addressee; {NO_TICK}: none"),
-        **GOSSIP,
-        "sample_tick": (INTEGER, f"when what follows was sampled; {NO_TICK}: it means nothing"),
-        "lower_link_rad": (NUMBER, "orientation in space of the link below the shared joint"),
-        "lower_link_rad_s": (NUMBER, "its rate"),
-        "mass_kg": (NUMBER, "all that the shared joint carries; 0 in a frame that goes up"),
-        "com_x_m": (NUMBER, "its centre of mass from that joint, forward; 0 upwards"),
-        "com_y_m": (NUMBER, "upward; 0 upwards"),
-        "com_x_m_s": (NUMBER, "its velocity; 0 upwards"),
-        "com_y_m_s": (NUMBER, "its velocity; 0 upwards"),
+        "echo_tick": mirrored(LinkFrame)["heard_tick"],
+        **_SAID,
     },
-    frozenset({"sent_crc", *SENDER, *GOSSIP, "echo_tick", "sample_tick", "lower_link_rad"})
-    | {"lower_link_rad_s", "mass_kg", "com_x_m", "com_y_m", "com_x_m_s", "com_y_m_s"},
+    frozenset({"sent_crc", "echo_tick", *_SAID}),
 )
 EPOCH = Kind(
     "decmesh.Epoch",
@@ -213,26 +188,7 @@ TIMING = Kind(
 BOARD_TIMING = Kind(
     "decmesh.BoardTiming",
     "When a board did what in some ticks, on its own monotonic clock, and what it has used.",
-    {
-        **SENDER,
-        **TICK,
-        "base_ns": (INTEGER, "a reading of its clock"),
-        "clock": (INTEGER, "names the clock: equal numbers, one clock; 0: unknown"),
-        "cpu_us": (INTEGER, "processor time of its process so far"),
-        "memory_kb": (INTEGER, "most memory it has had resident"),
-        "ticks": (
-            [
-                {
-                    "taken_up_us": (INTEGER, "observation read, after base_ns, as all below"),
-                    "decided_us": (INTEGER, "thought through; it began to speak"),
-                    "said_us": (INTEGER, "the torque was put"),
-                    "first_arrived_us": (INTEGER, "the lower neighbour's last frame; -1: none"),
-                    "second_arrived_us": (INTEGER, "the other neighbour's; -1: none"),
-                }
-            ],
-            "from `tick` on, without gaps",
-        ),
-    },
+    mirrored(Timing),
 )
 OUTCOME = Kind(
     "decmesh.Outcome",

@@ -16,7 +16,9 @@ from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.own_time.board import OwnTimeBoard
 from module_agent.firmware.own_time.deadline_reporter import Strain, Turned
 from module_agent.firmware.own_time.pacing import Loop, Turn
-from protocol.wire.trace import Lived, Mark, TraceWriter, encode_last_word
+from protocol.wire.frames import encode
+from protocol.wire.trace import Lived, Mark
+from protocol.wire.trace_differences import TraceWriter
 
 
 class Cycle:
@@ -98,7 +100,7 @@ class Cycle:
         if not words:
             return []
         self.board.last_words = []
-        return [encode_last_word(word) for word in words]
+        return [encode(word) for word in words]
 
     def rest(self) -> bytes | None:
         """What has not been told yet of what was played."""

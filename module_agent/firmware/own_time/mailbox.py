@@ -14,10 +14,18 @@ board's `OwnTime`.
 from collections import deque
 from typing import NamedTuple
 
-from module_agent.firmware.hearing import UNHEARD_TICKS_MAX, LinkEnd
+from module_agent.firmware.hearing import LinkEnd
 from module_agent.firmware.link_model import LinkModel
 from module_agent.firmware.own_time.translator import OwnTime
-from protocol.wire.frames import NO_TICK, LinkFrame, Neighbour, ProtocolError, Reason, decode
+from protocol.wire.frames import (
+    NO_TICK,
+    UNHEARD_TICKS_MAX,
+    LinkFrame,
+    Neighbour,
+    ProtocolError,
+    Reason,
+    receive,
+)
 from protocol.wire.trace import Taken
 
 STALE_PERIODS = 64
@@ -59,10 +67,10 @@ class Mailbox(LinkEnd):
     def put(self, payload: bytes) -> int:
         """Take what the network brought, as `LinkEnd.put`; only the newest frames are kept."""
         try:
-            frame = decode(LinkFrame, payload)
+            frame, out_of_range = receive(LinkFrame, payload)
             self.check_sender(frame)
-            self.check_numbers(frame)
             self._check_tick(frame.tick)
+            self.check_numbers(frame, out_of_range)
         except ProtocolError as error:
             self.refused[error.reason] += 1
             return NO_TICK

@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from msgpack import Unpacker, packb
 from pyarrow import parquet
 from typer.testing import CliRunner, Result
 
@@ -20,13 +22,16 @@ from deploy.outcome.indices import all_indices
 from deploy.outcome.results import read_run
 from deploy.recording.files import UnreadableError
 from deploy.recording.logical_digest import logical_sha256
+from deploy.recording.mcap import file as mcap_file
 from deploy.recording.mcap.file import read_mcap, write_mcap
 from deploy.recording.reading import read_recording
 from deploy.recording.trajectory import CUT_OFF, recorded_trajectory
 from plant_server.spool import spool as spools
+from plant_server.spool.chunks import ChunkWriter, read_chunks
 from plant_server.spool.spool import Spool, SpoolWriter
 from protocol.process.exit_codes import ExitCode
 from protocol.process.fingerprint import fingerprint
+from protocol.wire.frames import VERSION
 from tests.deploy.spools import spool, timed
 from tests.system.rig import decmesh
 
@@ -390,6 +395,41 @@ def test_a_tick_of_another_body_is_refused(tmp_path: Path) -> None:
     path = spooled(of._replace(ticks=ticks), tmp_path)
     with pytest.raises(UnreadableError, match="tick 10 is not of 3 joints"):
         typed("replay", path)
+
+
+@pytest.mark.parametrize("version", [VERSION - 1, VERSION + 1])
+@pytest.mark.parametrize(
+    "command", [("replay",), ("recover",), ("report",), ("export", "--to", "csv")]
+)
+def test_a_recording_of_another_version_of_the_wire_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], version: int
+) -> None:
+    """By one line that says what to do. Its frames may be readable, and mean something else."""
+    monkeypatch.setattr(spools, "VERSION", version)
+    monkeypatch.setattr(mcap_file, "VERSION", version)
+    spool, file = spooled(of_here(), tmp_path), filed(of_here(), tmp_path)
+    line = (
+        f" is no recording that can be used: it was recorded with version {version} of the wire,"
+        f" and this decmesh reads version {VERSION}; read it with the decmesh that recorded it"
+    )
+    for path in (spool, file) if command[0] in ("replay", "recover") else (file,):
+        with pytest.raises(UnreadableError) as refused:
+            typed(command[0], path, *command[1:])
+        assert str(refused.value) == f"{path}{line}"
+        assert refused.value.code == ExitCode.BAD_INPUT
+
+
+def test_a_recording_that_tells_no_version_is_of_the_first(tmp_path: Path) -> None:
+    path = spooled(of_here(), tmp_path)
+    content = next(read_chunks(path.read_bytes()))
+    kind, scenario, _version = next(iter(Unpacker(BytesIO(content))))
+    chunk = packb((kind, scenario))
+    old = tmp_path / "old.spool"
+    writer = ChunkWriter(old, chunk_bytes=1000)
+    writer.put(chunk)
+    writer.close()
+    with pytest.raises(UnreadableError, match="recorded with version 1 of the wire"):
+        typed("replay", old)
 
 
 @pytest.mark.parametrize("command", [("report",), ("export", "--to", "csv")])

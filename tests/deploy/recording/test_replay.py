@@ -97,7 +97,7 @@ def in_frame(**values: Any) -> Callable[[TickRecord], TickRecord]:
         (lambda r: r._replace(answers=(*r.answers[:2], b"")), "torque frame of hip"),
         (lambda r: r._replace(answers=(*r.answers[:2], r.answers[2][:-1])), "torque frame of hip"),
         (in_frame(torque_nm=1.0), "torque_nm of the torque frame of knee"),
-        (in_frame(enabled=7), "enabled of the torque frame of knee"),
+        (in_frame(state=3), "state of the torque frame of knee"),
         (in_frame(urgency=nan), "urgency of the torque frame of knee"),
         (in_frame(links=()), "links[0] of the torque frame of knee"),
     ],

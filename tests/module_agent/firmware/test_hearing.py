@@ -103,7 +103,7 @@ REFUSED = [
     (b"", Reason.SIZE),
     (bytes(257), Reason.SIZE),
     (encode(frame(7))[:-1] + b"\x00", Reason.CORRUPT),
-    (seal(msgpack.packb([2, 2, RUN])), Reason.VERSION),
+    (seal(msgpack.packb([1, 2, RUN])), Reason.VERSION),
     (seal(b"\xc1"), Reason.MALFORMED),
     (encode(End(RUN, "no link frame")), Reason.MALFORMED),
     (encode(frame(7, run_id=RUN + 1)), Reason.RUN),

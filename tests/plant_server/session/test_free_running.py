@@ -12,7 +12,8 @@ from plant_server.session.free_running import FreeRunning
 from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, LinkUse, Observation, Reason, TorqueFrame, decode, encode
-from protocol.wire.trace import Lived, Mark, Taken, TraceWriter
+from protocol.wire.trace import Lived, Mark, Taken
+from protocol.wire.trace_differences import TraceWriter
 
 RUN = 2**31 + 9
 RATES = ("board.0.rate_hz=500", "board.1.rate_hz=1000", "board.2.rate_hz=250")

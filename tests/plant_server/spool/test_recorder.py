@@ -13,7 +13,7 @@ from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import Spool, SpoolWriter, read_spool
 from protocol.robot.scenario import run_id
 from protocol.wire.enrolment import EnrolmentRequest
-from protocol.wire.frames import Reason, encode, seal
+from protocol.wire.frames import VERSION, Reason, encode, seal
 from protocol.wire.timing import TickTiming, Timing
 
 JOINTS = ["ankle", "knee"]
@@ -35,7 +35,20 @@ class Recording:
         self.recorder = Recorder(SpoolWriter(path, load("paper")), self.desk)
 
     def boot(self, joint: str, boot: int) -> None:
-        about: tuple[Any, ...] = (1, "robot", joint, 0, DIGEST, boot, 0, 0, 1.0, 1.0, 0.5, 0.1)
+        about: tuple[Any, ...] = (
+            VERSION,
+            "robot",
+            joint,
+            0,
+            DIGEST,
+            boot,
+            0,
+            0,
+            1.0,
+            1.0,
+            0.5,
+            0.1,
+        )
         assert self.desk.decide(EnrolmentRequest(*about)).reason == ""
 
     def keep(self, tick: int, *timings: tuple[int, Timing | bytes]) -> None:
@@ -130,8 +143,8 @@ def test_a_successor_tells_of_its_own_ticks_and_its_predecessor_no_more(
     [
         (b"", Reason.SIZE),
         (encode(FRAME)[:-1], Reason.CORRUPT),
-        (seal(b"\x91\x02"), Reason.VERSION),
-        (seal(b"\x92\x01\x06"), Reason.MALFORMED),
+        (seal(b"\x91\x01"), Reason.VERSION),
+        (seal(b"\x92\x02\x06"), Reason.MALFORMED),
         (FRAME._replace(run_id=RUN + 1), Reason.RUN),
         (FRAME._replace(incarnation=0), Reason.INCARNATION),
         (FRAME._replace(ticks=()), Reason.RANGE),

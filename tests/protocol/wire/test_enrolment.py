@@ -43,8 +43,8 @@ REPLIES = st.builds(
     run_id=INTS,
     incarnation=INTS,
 )
-REQUEST = EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 5, 3, 0, 10.0, 0.5, 0.25, 0.2)
-REPLY = EnrolmentReply(1, Verdict.ACCEPTED, "", 2**31, 1)
+REQUEST = EnrolmentRequest(VERSION, "robot", "knee", 0, bytes(32), 5, 3, 0, 10.0, 0.5, 0.25, 0.2)
+REPLY = EnrolmentReply(VERSION, Verdict.ACCEPTED, "", 2**31, 1)
 
 
 @LAW
@@ -115,8 +115,9 @@ def test_a_reply_has_all_its_fields(length: int) -> None:
 def test_every_field_has_one_type(wrong: Any) -> None:
     for message, decode in ((REQUEST, decode_request), (REPLY, decode_reply)):
         for i, value in enumerate(message):
-            if isinstance(value, type(wrong)) and not isinstance(wrong, bool):
-                continue
+            fits = isinstance(value, type(wrong)) and not isinstance(wrong, bool)
+            if fits or (isinstance(value, float) and wrong == 1):
+                continue  # An int stands for the float that it is.
             fields = [*message[:i], wrong, *message[i + 1 :]]
             with pytest.raises(ProtocolError) as refused:
                 decode(seal(msgpack.packb(fields)))

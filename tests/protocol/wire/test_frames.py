@@ -1,6 +1,7 @@
 """Frames: what is written is read back, and nothing else is ever taken for a frame."""
 
 import struct
+from math import inf, nan, nextafter
 from typing import Any
 
 import msgpack
@@ -16,6 +17,8 @@ from protocol.wire.enrolment import (
     decode_request,
     encode_enrolment,
 )
+from protocol.wire.fields import Field
+from protocol.wire.fields import fields as fields_of
 from protocol.wire.frames import (
     FAULT_TEXT_BYTES_MAX,
     FRAME_BYTES_MAX,
@@ -34,13 +37,13 @@ from protocol.wire.frames import (
     TorqueFrame,
     decode,
     encode,
+    receive,
     seal,
 )
 from protocol.wire.timing import TickTiming, Timing
+from protocol.wire.trace import LastWord, Lived, Taken, Trace
 
 LAW = settings(max_examples=100, deadline=None, derandomize=True)
-ENTRIES: dict[type, Any] = {Observation: Neighbour, TorqueFrame: LinkUse, Timing: TickTiming}
-"""What the last field of a kind repeats."""
 LONGEST_COMMAND = 93
 """Bytes of a board command that sets all parameters of a link."""
 INTS = st.integers(-(2**63), 2**64 - 1)
@@ -62,33 +65,30 @@ SAMPLES: list[Any] = [
     Stalled(2**31, 1, 7, 2),
     Timing(2**31, 1, 7, 2**46, 2**32 - 1, 10**6, 33000, (TickTiming(0, 99, 130, -1, 12),) * 2),
     Fault(2**31, 1, 7, 2, 0, 1, "nan, which is no finite number"),
+    Trace(2**31, 1, (Lived(7, 10**12, 80, 310, 700, 14, 0, 3, (Taken(12, 1),) * 2),) * 2),
+    LastWord(2**31, 1, 2, bytes(100)),
 ]
 ENROLMENTS: list[Any] = [
-    EnrolmentRequest(1, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 0, 10.0, 0.5, 0.25, 0.2),
-    EnrolmentReply(1, 3, "no such joint", 2**31, 0),
+    EnrolmentRequest(VERSION, "robot", "knee", 0, bytes(32), 2**63 - 1, 3, 0, 10.0, 0.5, 0.25, 0.2),
+    EnrolmentReply(VERSION, 3, "no such joint", 2**31, 0),
 ]
 
 
-def _types(kind: Any) -> list[type]:
-    """Of the fields that are there once."""
-    types = list(kind.__annotations__.values())
-    return types[:-1] if kind in ENTRIES else types
+def _strategy(message: Any) -> st.SearchStrategy[Any]:
+    """Any message of a kind, with every value that its fields allow."""
+    return st.builds(message, *map(_values, fields_of(message)))
 
 
-def _strategy(kind: Any) -> st.SearchStrategy[Any]:
-    """Any frame of a kind, with every value that its types allow."""
-    values = {
-        int: INTS,
-        float: FLOATS,
-        str: st.text(max_size=40),
-        bytes: st.binary(max_size=LONGEST_COMMAND),
-        Readings: st.builds(Readings, *[FLOATS] * len(Readings._fields)),
-    }
-    fields = [values[of] for of in _types(kind)]
-    if kind in ENTRIES:
-        entry = st.builds(ENTRIES[kind], *[INTS] * len(ENTRIES[kind]._fields))
-        fields.append(st.lists(entry, max_size=2).map(tuple))
-    return st.builds(kind, *fields)
+def _values(of: Field) -> st.SearchStrategy[Any]:
+    if of.repeats:
+        return st.lists(_strategy(of.type), max_size=2).map(tuple)
+    if of.type is int:
+        least, most = -(2**63) if of.ge is None else of.ge, 2**64 - 1 if of.le is None else of.le
+        return st.integers(int(least), int(most))
+    if of.type is float:
+        return st.floats(of.ge, of.le)
+    plain = {str: st.text(max_size=40), bytes: st.binary(max_size=LONGEST_COMMAND)}
+    return plain[of.type] if of.type in plain else _strategy(of.type)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -180,10 +180,10 @@ def test_well_formed_msgpack_that_is_no_frame_is_refused(fields: list[Any], like
         b"\xdd\xff\xff\xff\xff",  # 4 billion elements announced
         b"\xc6\xff\xff\xff\xff",
         b"\xc1",  # never used by msgpack
-        b"\x92\x01\xa2\xff\xfe",  # not UTF-8
-        b"\x92\x01\xc7\x0c\xff" + b"\xff" * 12,  # a time stamp out of range
-        b"\x92\x01\xd4\x05\x00",  # an extension
-        b"\x92\x01\x81\x90\x01",  # a list for a key
+        b"\x92\x02\xa2\xff\xfe",  # not UTF-8
+        b"\x92\x02\xc7\x0c\xff" + b"\xff" * 12,  # a time stamp out of range
+        b"\x92\x02\xd4\x05\x00",  # an extension
+        b"\x92\x02\x81\x90\x01",  # a list for a key
     ],
     ids=bytes.hex,
 )
@@ -227,7 +227,7 @@ def test_an_int_stands_for_the_float_that_it_is() -> None:
 @pytest.mark.parametrize("frame", SAMPLES, ids=lambda frame: type(frame).__name__)
 def test_every_entry_has_its_number_of_ints(frame: Any) -> None:
     fields = _array(frame)[2]
-    if type(frame) in ENTRIES:
+    if isinstance(fields[-1], list):
         entry = fields[-1][0]
         for wrong in ([], entry[:-1], [*entry, 1], [*entry[:-1], 1.0], [*entry[:-1], [1]], None):
             told = [*fields[:-1], [entry, wrong]]
@@ -252,7 +252,7 @@ def test_one_kind_is_never_taken_for_another(frame: Any) -> None:
             assert _refusal(encode(frame), other) is Reason.MALFORMED
 
 
-@pytest.mark.parametrize("version", [0, 2, -1, 2**64 - 1, 1.5, "1", None, [1]])
+@pytest.mark.parametrize("version", [0, 1, 3, -1, 2**64 - 1, 1.5, "1", None, [1]])
 def test_another_version_is_refused_before_its_fields_are_looked_at(version: Any) -> None:
     assert _refusal(seal(msgpack.packb([version, "what", "ever"]))) is Reason.VERSION
 
@@ -264,7 +264,8 @@ def test_version_and_kind_are_ints_too(element: int, wrong: Any) -> None:
     for frame in SAMPLES:
         fields = _array(frame)
         fields[element] = True if wrong is True else float(fields[element])
-        assert _refusal(seal(msgpack.packb(fields)), frame) is Reason.MALFORMED
+        refusal = _refusal(seal(msgpack.packb(fields)), frame)
+        assert refusal is (Reason.VERSION if fields[0] is True else Reason.MALFORMED)
 
 
 @pytest.mark.parametrize(
@@ -283,20 +284,21 @@ def test_a_float_is_sent_as_float_64_whatever_its_value() -> None:
         assert b"\xcb" + struct.pack(">d", value) in encode(LINK._replace(urgency=value))
 
 
-def _worst(kind: Any) -> Any:
+def _worst(message: Any) -> Any:
     """Every int as long as can be, and as many neighbours as a chain has."""
-    values: dict[type, Any] = {
-        int: 2**64 - 1,
-        float: 1e-300,
-        str: "x" * (FAULT_TEXT_BYTES_MAX if kind is Fault else TEXT_BYTES_MAX),
-        bytes: bytes(LONGEST_COMMAND),
-        Readings: Readings(*[1e-300] * len(Readings._fields)),
-    }
-    fields = [values[of] for of in _types(kind)]
-    if kind not in ENTRIES:
-        return kind(*fields)
-    entry = ENTRIES[kind]
-    return kind(*fields, (entry(*[2**64 - 1] * len(entry._fields)),) * 2)
+    text_bytes = FAULT_TEXT_BYTES_MAX if message is Fault else TEXT_BYTES_MAX
+    plain: dict[type, Any] = {str: "x" * text_bytes, bytes: bytes(LONGEST_COMMAND)}
+    values: list[Any] = []
+    for of in fields_of(message):
+        if of.repeats:
+            values.append((_worst(of.type),) * 2)
+        elif of.type is int:
+            values.append(2**64 - 1 if of.le is None else int(of.le))
+        elif of.type is float:
+            values.append(1e-300)
+        else:
+            values.append(plain[of.type] if of.type in plain else _worst(of.type))
+    return message(*values)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -321,6 +323,54 @@ def test_size_does_not_depend_on_values(
     urgency, *body = numbers
     frame = LinkFrame(run_id, incarnation, 9, 8, 0, 1, urgency, 2, 5, *body)
     assert len(encode(frame)) == len(encode(LINK))
+
+
+def _beyond(of: Field) -> list[Any]:
+    """Numbers next to those that a field may be."""
+    if of.type is float:
+        ends = [(of.ge, -inf), (of.le, inf)]
+        return [nextafter(end, out) for end, out in ends if end is not None] + [nan, inf, -inf]
+    return [end + out for end, out in ((of.ge, -1), (of.le, 1)) if end is not None]
+
+
+def _bounded(message: Any) -> list[tuple[int, Field]]:
+    return [(i, of) for i, of in enumerate(fields_of(message)) if (of.ge, of.le) != (None, None)]
+
+
+@pytest.mark.parametrize("frame", SAMPLES, ids=lambda frame: type(frame).__name__)
+def test_a_number_out_of_range_is_the_last_reason(frame: Any) -> None:
+    """Whoever has other reasons gets the frame to look for them."""
+    entries = fields_of(type(frame))[-1]
+    wrong = [
+        frame._replace(**{of.name: value})
+        for _, of in _bounded(type(frame))
+        for value in _beyond(of)
+    ]
+    if entries.repeats:
+        entry = frame[-1][0]
+        wrong += [
+            frame._replace(**{entries.name: (entry, entry._replace(**{of.name: value}))})
+            for _, of in _bounded(entries.type)
+            for value in _beyond(of)
+        ]
+    for told in wrong:
+        payload = encode(told)
+        assert _refusal(payload, frame) is Reason.RANGE, told
+        read, out_of_range = receive(type(frame), payload)
+        assert out_of_range is not None
+        assert out_of_range.reason is Reason.RANGE
+        assert read[:3] == frame[:3]
+    assert receive(type(frame), encode(frame)) == (frame, None)
+
+
+def test_bounds_are_where_the_specification_needs_them() -> None:
+    bounded = {kind.__name__: [of.name for _, of in _bounded(kind)] for kind in KINDS}
+    assert bounded["LinkFrame"] == ["urgency", "candidate", *LinkFrame._fields[9:]]
+    assert bounded["TorqueFrame"] == [
+        "state", "enabled", "epoch", "round", "candidate", "counter", "counted",
+    ]  # fmt: skip
+    assert bounded["Fault"] == ["code", "part", "parts"]
+    assert bounded["Observation"] == []
 
 
 def test_a_command_of_any_bytes_passes_the_frame() -> None:

@@ -14,13 +14,13 @@ JOINTS = ("ankle", "knee", "hip", "neck")
 
 
 def test_keys_are_those_of_the_specification() -> None:
-    assert keys.observation("robot", "knee") == "dec/v1/robot/plant/knee/observation"
-    assert keys.torque("robot", "knee") == "dec/v1/robot/knee/torque"
-    assert keys.link("robot", "knee", "hip") == "dec/v1/robot/knee/link/hip"
-    assert keys.timing("robot", "knee") == "dec/v1/robot/knee/timing"
-    assert keys.end("robot") == "dec/v1/robot/plant/@end"
-    assert keys.plant_alive("robot") == "dec/v1/robot/plant/@alive"
-    assert keys.alive("robot", "knee", 0xBEEF) == "dec/v1/robot/knee/@alive/000000000000beef"
+    assert keys.observation("robot", "knee") == "dec/v2/robot/plant/knee/observation"
+    assert keys.torque("robot", "knee") == "dec/v2/robot/knee/torque"
+    assert keys.link("robot", "knee", "hip") == "dec/v2/robot/knee/link/hip"
+    assert keys.timing("robot", "knee") == "dec/v2/robot/knee/timing"
+    assert keys.end("robot") == "dec/v2/robot/plant/@end"
+    assert keys.plant_alive("robot") == "dec/v2/robot/plant/@alive"
+    assert keys.alive("robot", "knee", 0xBEEF) == "dec/v2/robot/knee/@alive/000000000000beef"
 
 
 def _all_keys(rig: str) -> list[str]:

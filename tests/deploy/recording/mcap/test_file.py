@@ -21,7 +21,7 @@ from deploy.recording.trajectory import recorded_trajectory
 from plant_server.record import FELL, Undriven
 from plant_server.spool.spool import Spool
 from protocol.robot.sensors import Readings
-from protocol.wire.frames import LinkFrame, Observation, TorqueFrame, decode, encode, seal
+from protocol.wire.frames import VERSION, LinkFrame, Observation, TorqueFrame, decode, encode, seal
 from tests.deploy.spools import SHORT, by_the_wall, opened_ns, spool, timed
 
 pytestmark = pytest.mark.slow
@@ -133,6 +133,7 @@ def test_the_metadata_say_what_it_is_without_reading_on(tmp_path: Path) -> None:
     about = found[METADATA]
     assert about.pop("logical_sha256") == logical_sha256(of)
     assert len(about.pop("digest")) == 64
+    assert about.pop("wire") == str(VERSION)
     assert about == {"format": "2", "complete": "true", "scenario": "paper", "ticks": "300"}
     assert found["facts"]["mode"] == "processes"
     assert found["facts"]["clock"] == "7"

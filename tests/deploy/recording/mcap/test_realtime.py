@@ -3,6 +3,7 @@
 import json
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -19,8 +20,9 @@ from deploy.recording.trajectory import recorded_trajectory
 from plant_server.spool import spool as spools
 from plant_server.spool.spool import PLANT, Spool, SpoolWriter, read_spool
 from protocol.process.exit_codes import ExitCode
-from protocol.wire.frames import seal
-from protocol.wire.trace import Trace, decode_told
+from protocol.wire.frames import KINDS, VERSION, seal
+from protocol.wire.trace import Trace
+from protocol.wire.trace_differences import decode_told
 from tests.deploy.commands.test_recordings import drop_chunks, tampered, typed
 from tests.deploy.recording.mcap.test_file import assert_same, contents, written
 from tests.deploy.spools import by_the_wall
@@ -43,6 +45,14 @@ def spooled(of: Spool, folder: Path) -> Path:
     return path
 
 
+def wide(value: Any) -> bytes:
+    """Integers in arrays, each in nine bytes."""
+    if isinstance(value, int):
+        return b"\xd3" + value.to_bytes(8, "big", signed=True)
+    head: bytes = msgpack.Packer().pack_array_header(len(value))
+    return head + b"".join(map(wide, value))
+
+
 def foreign(of: Spool) -> Spool:
     """The same, told by boards that write every integer in nine bytes, a turn a frame."""
     told = []
@@ -52,10 +62,9 @@ def foreign(of: Spool) -> Spool:
             told.append((board, payload))
             continue
         for one in trace.lived:
-            links = [number for taken in one.taken for number in taken]
-            fields = [1, 8, trace.run_id, trace.incarnation, len(one.taken), *one[:8], *links]
-            body = b"".join(b"\xd3" + field.to_bytes(8, "big", signed=True) for field in fields)
-            told.append((board, seal(msgpack.Packer().pack_array_header(len(fields)) + body)))
+            turn = [*one[:-1], [list(taken) for taken in one.taken]]
+            frame = [VERSION, KINDS[Trace], [trace.run_id, trace.incarnation, [turn]]]
+            told.append((board, seal(wide(frame))))
     return of._replace(realtime=tuple(told))
 
 
@@ -150,7 +159,7 @@ def test_torques_are_those_in_force_and_observations_those_that_were_used(whole:
     [
         ("/knee/observation", 80, {"joint_rad": 0.0}, "tick 80: joint_rad on /knee/observation: "),
         ("/epoch", 97, {"y": [2, 0, 0]}, "tick 97: y on /epoch: "),
-        ("/hip/turn", 90, {"tick": 91}, "tick 90: tick on /hip/turn: "),
+        ("/hip/turn", 80, {"tick": 81}, "tick 80: tick on /hip/turn: "),
     ],
 )
 def test_a_tampered_value_is_found(

@@ -11,7 +11,8 @@ from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
 from protocol.robot.commands import PERFECT, LinkParameters
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Neighbour, Reason, encode
-from protocol.wire.trace import Lived, Taken, TraceWriter, decode_trace
+from protocol.wire.trace import Lived, Taken
+from protocol.wire.trace_differences import TraceWriter, decode_trace
 from tests.module_agent.robot import config
 
 RUN = 2**31 + 7
