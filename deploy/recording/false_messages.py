@@ -1,19 +1,21 @@
 """Whether an MCAP file says what follows from its own records: observations, link frames, epochs.
 
-Rule: all of its messages are made again from the records that were read from it, and compared on
-each channel in their order. A channel that somebody has left out of the file is no difference.
+Rule 1: all of its messages are made again from the records that were read from it, and compared on
+        each channel in their order. A channel that somebody has left out of the file is no
+        difference.
+Rule 2: so is what its metadata say of it, which the report shows.
 """
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import orjson
 
 from deploy.recording.differences import NOTHING, Difference
-from deploy.recording.mcap.contents import Content, contents
-from deploy.recording.mcap.file import dump
+from deploy.recording.mcap.contents import Content, Metadata, contents
+from deploy.recording.mcap.file import description, dump
 from deploy.recording.mcap.messages import RecordingMessages
 from deploy.recording.trajectory import recorded_trajectory
 from plant_server.spool.spool import Spool
@@ -59,7 +61,11 @@ def first_false_message(
 def _first(spool: Spool, made: _ExpectedMessages, file: IO[bytes]) -> Difference | None:
     topics = set()
     for content in contents(file):
-        if isinstance(content, Content):
+        if isinstance(content, dict):
+            about = next(_false_metadata(content, description(spool)), None)
+            if about is not None:
+                return Difference(spool.ticks[0].tick, *about)
+        else:
             expected = made.next_on(content.topic)
             if expected is None:
                 return Difference(spool.ticks[-1].tick, content.topic, content.data, NOTHING)
@@ -72,6 +78,14 @@ def _first(spool: Spool, made: _ExpectedMessages, file: IO[bytes]) -> Difference
     return next(
         (Difference(one.tick, topic, NOTHING, one.data) for topic, one in left if one), None
     )
+
+
+def _false_metadata(recorded: Metadata, made: Metadata) -> Iterator[tuple[str, str, str]]:
+    """What is false, as it is in the file, and as it should be."""
+    for name, value in made.items():
+        said = recorded.get(name, NOTHING)
+        if said != value:
+            yield f"{name} in the metadata", said, value
 
 
 def _difference(content: Content, expected: _Expected) -> Difference | None:

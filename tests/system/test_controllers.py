@@ -39,6 +39,22 @@ def status(rig: Rig) -> dict[str, Any]:
     return found
 
 
+def test_a_report_and_tables_are_made_without_the_controllers_that_ran(tmp_path: Path) -> None:
+    """Whoever reads a recording runs nobody's code: the file need not even be there."""
+    file = named(tmp_path, "return 1.0")
+    folder = tmp_path / "run"
+    done = decmesh("run", file, "--set", SHORT, "--twin", "--json", "--out", str(folder))
+    assert done.returncode == ExitCode.OK, done.stderr
+    (tmp_path / "my_servo.py").unlink()
+    for words in (["report"], ["export", "--to", "npz"]):
+        done = decmesh(words[0], str(folder), *words[1:])
+        assert done.returncode == ExitCode.OK, done.stderr
+    assert {"report.html", "ticks.npz", "epochs.npz"} <= {path.name for path in folder.iterdir()}
+    done = decmesh("replay", str(folder))
+    assert done.returncode == ExitCode.BAD_INPUT, "a replay needs it"
+    assert "my_servo" in done.stderr
+
+
 def test_processes_equal_the_twin_to_the_bit_and_in_what_failed_where(tmp_path: Path) -> None:
     """An election of its own on all boards, and on the knee a servo that prints and fails."""
     body = "print('tick', seen.tick)\n        return 20.0 / (seen.tick - 222)"

@@ -13,7 +13,8 @@ import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.records import Metadata as MetadataRecord
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from zstandard import ZstdError
 
@@ -54,6 +55,10 @@ class Content(NamedTuple):
     data: bytes
 
 
+Metadata = dict[str, str]
+"""What a file says of itself."""
+
+
 class NoRecordingError(ValueError):
     """An MCAP file that is none of ours, not whole, or not of this format; says why."""
 
@@ -80,7 +85,7 @@ class Registry:
             self.wanted.add(record.id)
 
 
-def contents(file: IO[bytes]) -> Iterator[dict[str, str] | Content]:
+def contents(file: IO[bytes]) -> Iterator[Metadata | Content]:
     """Give the file's own metadata and all of its messages, in the order of the file.
 
     Raises one of `DAMAGE`.
@@ -94,10 +99,10 @@ def contents(file: IO[bytes]) -> Iterator[dict[str, str] | Content]:
             yield Content(*registry.channels[number], data)
 
 
-def parts(file: IO[bytes], registry: Registry) -> Iterator[dict[str, str] | bytes]:
+def parts(file: IO[bytes], registry: Registry) -> Iterator[Metadata | bytes]:
     """Give the file's own metadata, and its chunks for `messages`. Raises one of `DAMAGE`."""
     for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
-        if isinstance(record, Metadata):
+        if isinstance(record, MetadataRecord):
             if record.name == METADATA:
                 yield _described(record.metadata)
         elif isinstance(record, Chunk):
@@ -111,7 +116,7 @@ def parts(file: IO[bytes], registry: Registry) -> Iterator[dict[str, str] | byte
             yield _MESSAGE.pack(*head, record.log_time, record.publish_time) + record.data
 
 
-def _described(metadata: dict[str, str]) -> dict[str, str]:
+def _described(metadata: Metadata) -> Metadata:
     """The file's own word for what it is. Raises `NoRecordingError` for another version of it."""
     if metadata["format"] != FORMAT:
         raise NoRecordingError(

@@ -26,6 +26,7 @@ from deploy.recording.mcap.contents import (
     METADATA,
     WIRE,
     Content,
+    Metadata,
     NoRecordingError,
     contents,
 )
@@ -96,8 +97,8 @@ def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[in
     tick_ns = spool.scenario.run.tick_s * 1e9
     writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(library="decmesh")
-    for name, data in _metadata(spool, telling.scenario.digest).items():
-        writer.add_metadata(name, data)
+    writer.add_metadata(METADATA, description(spool))
+    writer.add_metadata(FACTS, _facts(spool))
     numbers = _declare(writer, telling.channels)
     sequences = dict.fromkeys(numbers, 0)
     for topic, tick, publish_ns, body in telling.messages(on_tick):
@@ -125,21 +126,23 @@ def _declare(writer: Writer, channels: dict[str, Kind]) -> dict[str, int]:
     }
 
 
-def _metadata(spool: Spool, digest: bytes) -> dict[str, dict[str, str]]:
+def description(spool: Spool) -> Metadata:
+    """What the file says of itself."""
     return {
-        METADATA: {
-            "format": FORMAT,
-            WIRE: str(VERSION),
-            "complete": str(spool.complete).lower(),
-            "logical_sha256": logical_sha256(spool),
-            "scenario": str(spool.scenario.name),
-            "digest": digest.hex(),
-            "ticks": str(max(0, spool.ticks[-1].tick + 1)),
-        },
-        FACTS: {
-            name: fact if isinstance(fact, str) else orjson.dumps(fact).decode()
-            for name, fact in spool.facts.items()
-        },
+        "format": FORMAT,
+        WIRE: str(VERSION),
+        "complete": str(spool.complete and spool.outcome is not None).lower(),
+        "logical_sha256": logical_sha256(spool),
+        "scenario": spool.scenario.name,
+        "digest": spool.scenario.digest.hex(),
+        "ticks": str(max(0, spool.ticks[-1].tick + 1)),
+    }
+
+
+def _facts(spool: Spool) -> Metadata:
+    return {
+        name: fact if isinstance(fact, str) else orjson.dumps(fact).decode()
+        for name, fact in spool.facts.items()
     }
 
 

@@ -168,6 +168,28 @@ def test_a_tampered_value_is_found_in_its_tick(
     assert difference["tick"] == tick
 
 
+def test_what_a_file_says_of_itself_is_verified_too(tmp_path: Path, whole: Path) -> None:
+    """The report shows it: a digest that is not of these records would be believed."""
+    path = tmp_path / "run.mcap"
+    with (whole / "run.mcap").open("rb") as old, path.open("wb") as new:
+        reader, writer = make_reader(old), Writer(new)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            known = {name: "0" * 64 for name in metadata.metadata if name == "logical_sha256"}
+            writer.add_metadata(metadata.name, {**metadata.metadata, **known})
+        numbers: dict[str, int] = {}
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.topic not in numbers:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                numbers[channel.topic] = writer.register_channel(channel.topic, "json", number)
+            writer.add_message(numbers[channel.topic], message.log_time, message.data, 0)
+        writer.finish()
+    done = typed("replay", path)
+    assert done.exit_code == ExitCode.FAILED
+    assert done.stdout.startswith("tick -10: logical_sha256 in the metadata: recorded '0000")
+
+
 def test_written_by_another_hand_it_is_the_same_recording(tmp_path: Path, whole: Path) -> None:
     """Other spaces, another order of names, no metadata but ours: what it says counts."""
     path = tmp_path / "run.mcap"
