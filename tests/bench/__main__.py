@@ -12,7 +12,19 @@ from pathlib import Path
 
 from rich.console import Console
 
-from tests.bench import growth, ours, path, plant, plot, realtime, same_job, startup, turning, twin
+from tests.bench import (
+    growth,
+    ours,
+    path,
+    plant,
+    plot,
+    reading,
+    realtime,
+    same_job,
+    startup,
+    turning,
+    twin,
+)
 from tests.bench.children import FIFO
 from tests.bench.compare import compare
 from tests.bench.machine import machine
@@ -32,6 +44,7 @@ GROUPS = {
     "memory": startup.memory,
     "path": path.group,
     "realtime": realtime.group,
+    "reading": reading.group,
     "knobs": turning.ours,
     "knobs-bare": turning.bare,
 }

@@ -84,6 +84,7 @@ KINDS = {
     "torque_age_ms_p99": Kind("the same, p99, ms", 2),
     "decision_ms_p50": Kind("epoch's start to a decision, worst board, p50, ms", 2),
     "decision_ms_p99": Kind("the same, p99, ms", 2),
+    "s_per_s": Kind("s of the wall per s of the body", 3),
     "ratio": Kind("ratio", 2, more_is_better=True),
     "resident_mb": Kind("resident, MB", 1),
     "own_mb": Kind("of which not shared, MB", 1),
