@@ -1,6 +1,6 @@
 """The page of a report: sections of figures and tables as one HTML file that needs nothing else.
 
-Rule 1: every name and number is escaped; nothing here is trusted to be harmless.
+Rule 1: every name and number is escaped by the template; nothing is trusted to be harmless.
 Rule 2: every figure and table has a sentence that says how to read it.
 Rule 3: nothing is loaded: the style is in the page, pictures are `data:` addresses, no script.
 """
@@ -8,10 +8,10 @@ Rule 3: nothing is loaded: the style is in the page, pictures are `data:` addres
 import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from importlib.resources import files
 from itertools import groupby
-from string import Template
+
+from jinja2 import Environment, StrictUndefined
 
 SVG_BYTES_MAX = 300_000
 """A drawing that is larger goes into the page as pixels, where those are smaller."""
@@ -30,6 +30,13 @@ class Image:
     svg: bytes = b""
     png: bytes = b""
 
+    @property
+    def source(self) -> str:
+        """Itself as an address, drawn or as pixels."""
+        drawn = len(self.svg) <= max(SVG_BYTES_MAX, len(self.png))
+        kind, content = ("svg+xml", self.svg) if drawn else ("png", self.png)
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
 
 @dataclass(frozen=True, slots=True)
 class Figure:
@@ -40,6 +47,11 @@ class Figure:
     images: Sequence[Image]
     wide: bool = False
     """As wide as the page; else two stand beside each other."""
+
+    @property
+    def beside(self) -> str:
+        """With what it may stand side by side."""
+        return "" if self.wide or len(self.images) > 1 else "beside"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +69,36 @@ class Table:
     folded: bool = False
     """Shown when asked for."""
 
+    @property
+    def beside(self) -> str:
+        """With what it may stand side by side."""
+        return "" if self.folded else "tables"
+
+    def cell_kind(self, column: int, text: str) -> str:
+        """How the text of a cell is set."""
+        if column not in self.texts:
+            return "n"
+        return "short" if len(text) <= SHORT_MAX else "long"
+
+    @property
+    def written_rows(self) -> Iterator[tuple[bool, list[str]]]:
+        """Rows as they are written: a name that is the same as in the row above stands once."""
+        above = None
+        for row in self.rows:
+            again = 0 in self.texts and row[0] == above
+            above = row[0]
+            yield again, ["" if again else row[0], *row[1:]]
+
 
 @dataclass(frozen=True, slots=True)
 class Remark:
     """A line of text, such as why something is not here."""
 
     text: str
+    beside = ""
 
 
 Block = Figure | Table | Remark
-_AGAIN = ' class="again"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +108,12 @@ class Section:
     anchor: str
     title: str
     blocks: Sequence[Block]
+
+    @property
+    def flow(self) -> Iterator[tuple[str, list[Block]]]:
+        """Blocks that stand side by side, as they follow each other."""
+        for kind, group in groupby(self.blocks, lambda block: block.beside):
+            yield kind, list(group)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,109 +128,21 @@ class Page:
 
     def html(self) -> str:
         """Write it."""
-        template = Template(files("deploy.report").joinpath("page.html").read_text("utf-8"))
-        return template.substitute(
-            title=escape(self.title),
-            subtitle=escape(self.subtitle),
-            warnings="\n".join(
-                f'<p class="warning" role="alert">{escape(text)}</p>' for text in self.warnings
-            ),
-            contents="\n".join(
-                f'<li><a href="#{escape(section.anchor)}">{escape(section.title)}</a></li>'
-                for section in self.sections
-            ),
-            sections="\n".join(map(_section, self.sections)),
-            footer=escape(self.footer),
+        for section in self.sections:
+            for block in section.blocks:
+                _check(block)
+        text = files("deploy.report").joinpath("page.html").read_text("utf-8")
+        made = Environment(
+            autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
         )
+        made.tests["figure"] = lambda block: isinstance(block, Figure)
+        made.tests["table"] = lambda block: isinstance(block, Table)
+        return made.from_string(text).render(page=self)
 
 
-def _section(section: Section) -> str:
-    anchor, title = escape(section.anchor), escape(section.title)
-    body = "\n".join(_flow(section.blocks))
-    return f'<section id="{anchor}">\n<h2>{title}</h2>\n{body}\n</section>'
-
-
-def _flow(blocks: Sequence[Block]) -> Iterator[str]:
-    """Write blocks; small figures that follow each other stand side by side, and so do tables."""
-    for kind, group in groupby(blocks, _kind):
-        written = "\n".join(map(_block, group))
-        yield f'<div class="{kind}">\n{written}\n</div>' if kind else written
-
-
-def _kind(block: Block) -> str:
-    match block:
-        case Figure(wide=False, images=[_]):
-            return "beside"
-        case Table(folded=False):
-            return "tables"
-        case _:
-            return ""
-
-
-def _block(block: Block) -> str:
-    match block:
-        case Figure():
-            return _figure(block)
-        case Table():
-            return _table(block)
-        case Remark(text):
-            return f'<p class="remark">{escape(text)}</p>'
-
-
-def _figure(figure: Figure) -> str:
-    kind = "wide" if figure.wide else "small"
-    pictures = "\n".join(_picture(figure, image) for image in figure.images)
-    caption = _caption("figcaption", figure.title, figure.reading)
-    return (
-        f'<figure class="{kind}">\n<div class="pictures">\n{pictures}\n</div>\n{caption}\n</figure>'
-    )
-
-
-def _picture(figure: Figure, image: Image) -> str:
-    label = f'<p class="run">{escape(image.label)}</p>\n' if image.label else ""
-    alt = escape(f"{figure.title}: {image.label}" if image.label else figure.title)
-    drawn = len(image.svg) <= max(SVG_BYTES_MAX, len(image.png))
-    kind, content = ("svg+xml", image.svg) if drawn else ("png", image.png)
-    source = f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
-    scroll = f'class="scroll" tabindex="0" role="region" aria-label="{alt}"'
-    return f'<div class="picture">{label}<div {scroll}><img src="{source}" alt="{alt}"></div></div>'
-
-
-def _table(table: Table) -> str:
-    assert all(len(row) == len(table.header) for row in table.rows), table.title
-    head = "".join(_cell("th", i, cell, table) for i, cell in enumerate(table.header))
-    rows = "\n".join(_rows(table))
-    notes = "".join(
-        f"<dt>{escape(mark)}</dt><dd>{escape(meaning)}</dd>" for mark, meaning in table.notes
-    )
-    name = escape(table.title)
-    text = (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">'
-        f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table></div>"
-        + (f'<dl class="notes">{notes}</dl>' if notes else "")
-    )
-    caption = _caption("p", table.title, table.reading)
-    if table.folded:
-        return f'<details class="table"><summary>{name}</summary>\n{caption}\n{text}</details>'
-    return f'<div class="table">{caption}\n{text}</div>'
-
-
-def _rows(table: Table) -> Iterator[str]:
-    """Write rows; a name that is the same as in the row above is not written again."""
-    above = None
-    for row in table.rows:
-        again = 0 in table.texts and row[0] == above
-        above = row[0]
-        written = ["" if again else row[0], *row[1:]]
-        cells = "".join(_cell("td", i, cell, table) for i, cell in enumerate(written))
-        yield f"<tr{_AGAIN * again}>{cells}</tr>"
-
-
-def _cell(tag: str, column: int, text: str, table: Table) -> str:
-    kind = "n" if column not in table.texts else "short" if len(text) <= SHORT_MAX else "long"
-    return f'<{tag} class="{kind}">{escape(text)}</{tag}>'
-
-
-def _caption(tag: str, title: str, reading: str) -> str:
-    assert reading.strip(), f"{title}: how is it read?"
-    return f'<{tag} class="reading"><b>{escape(title)}.</b> {escape(reading)}</{tag}>'
+def _check(block: Block) -> None:
+    if isinstance(block, Remark):
+        return
+    assert block.reading.strip(), f"{block.title}: how is it read?"
+    if isinstance(block, Table):
+        assert all(len(row) == len(block.header) for row in block.rows), block.title
