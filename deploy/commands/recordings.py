@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 RecordingArgument = Annotated[
     Path, typer.Argument(metavar="RECORDING", help="A run's folder, its run.mcap, or a spool.")
 ]
+FileArgument = Annotated[
+    Path, typer.Argument(metavar="RECORDING", help="A run's folder, or its run.mcap.")
+]
 OutOption = Annotated[
     Path | None, typer.Option("--out", help="Folder to write to; default: beside the recording.")
 ]
@@ -150,7 +153,7 @@ def recover(
 
 
 def export(
-    recording: RecordingArgument,
+    recording: FileArgument,
     to: Annotated[Format, typer.Option("--to", help="Which kind of files.")],
     out_folder: OutOption = None,
     as_json: JsonOption = False,
