@@ -242,7 +242,7 @@ def _timings(said: Channels, joints: Sequence[str]) -> list[tuple[int, Timing]]:
         (board, Timing(0, row.incarnation, row.tick, row.base_ns, row.clock, row.cpu_us,
                        row.memory_kb, tuple(map(_tick_timing, row.ticks))))
         for board, joint in enumerate(joints)
-        for row in said.rows(topics.timing(joint), rows.BoardTimingRow)
+        for row in said.rows(topics.report(joint, Timing), rows.BoardTimingRow)
     ]  # fmt: skip
 
 

@@ -22,6 +22,7 @@ from protocol.process.machine import EffortMeter, clock_id
 from protocol.robot.scenario import Scenario
 from protocol.wire.enrolment import EnrolmentReply
 from protocol.wire.frames import Observation, ProtocolError
+from protocol.wire.timing import Timing
 from protocol.wire.wiring import Rig
 
 STALL_AFTER_S = 0.1
@@ -137,7 +138,7 @@ class LockstepLoop:
         """Tell a plant that records when this board did what; another one need not know."""
         network = self.member.network
         if network.records:
-            network.report_timing(self.timing.frame(self.effort.read()))
+            network.report(Timing, self.timing.frame(self.effort.read()))
         else:
             self.timing.ticks.clear()
 

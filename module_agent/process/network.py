@@ -17,6 +17,8 @@ import zenoh
 from module_agent.firmware.board import Actuation
 from module_agent.firmware.config import BoardConfig
 from protocol.wire import keys
+from protocol.wire.frames import REPORTS, Report
+from protocol.wire.timing import Timing
 
 END, PLANT, REPLY, MATCHING = range(4)
 Event = tuple[int, Any]
@@ -88,7 +90,9 @@ class Network:
         joint, alive = config.joint, session.liveliness()
         self._torque = publisher(session, keys.torque(rig, joint))
         self._stalled = publisher(session, keys.stalled(rig, joint))
-        self._timing = publisher(session, keys.timing(rig, joint))
+        self._reports: dict[type, zenoh.Publisher] = {
+            kind: publisher(session, keys.report(rig, joint, kind)) for kind in REPORTS
+        }
         self._fault = publisher(session, keys.fault(rig, joint))
         self._trace = publisher(session, keys.trace(rig, joint)) if config.cadence else None
         self._links = [
@@ -124,14 +128,14 @@ class Network:
             assert self._trace is not None, "in lockstep there is nothing to tell"
             self._trace.put(payload)
 
-    def report_timing(self, payload: bytes) -> None:
-        """Tell the plant when this board did what."""
-        self._timing.put(payload)
+    def report(self, kind: type[Report], payload: bytes) -> None:
+        """Tell the plant what is for the recording alone."""
+        self._reports[kind].put(payload)
 
     @property
     def records(self) -> bool:
-        """Whether a plant wants to know when this board did what."""
-        return is_up(self._timing)
+        """Whether a plant wants to have reports of this board."""
+        return is_up(self._reports[Timing])
 
     def report_stall(self, payload: bytes) -> None:
         """Tell the plant that a neighbour's frame is missing."""

@@ -12,17 +12,18 @@ from typing import Any
 import zenoh
 
 from protocol.wire import keys
+from protocol.wire.frames import REPORTS, Report
 from protocol.wire.wiring import Rig
 
 ENROL, ALIVE, CONTROL, STALLED, FAULT = range(5)
-TIMINGS_MAX = 4096
+REPORTS_MAX = 4096
 """Boards say as much in some ten thousand ticks; whoever says more in one loses the oldest."""
 Event = tuple[int, Any]
 """A kind, and what the network brought of it."""
 
 
 class Post:
-    """Publishers, subscribers and queryables of one plant; boards' timings only if it `records`."""
+    """Publishers, subscribers and queryables of one plant; boards' reports only if it `records`."""
 
     def __init__(
         self, session: zenoh.Session, rig: Rig, joints: list[str], *, records: bool
@@ -33,20 +34,24 @@ class Post:
         name = rig.name
         self.torque_keys = {keys.torque(name, joint): i for i, joint in enumerate(joints)}
         """Whose torque frame comes with which key."""
-        self._timing_keys = {keys.timing(name, joint): i for i, joint in enumerate(joints)}
-        self._timings: deque[zenoh.Sample] = deque(maxlen=TIMINGS_MAX)
+        self._report_keys = {
+            keys.report(name, joint, kind): (i, kind)
+            for kind in REPORTS
+            for i, joint in enumerate(joints)
+        }
+        self._reports: deque[zenoh.Sample] = deque(maxlen=REPORTS_MAX)
         self._observations = [self._publisher(keys.observation(name, joint)) for joint in joints]
         self._end = self._publisher(keys.end(name))
         alive = session.liveliness()
         put = zenoh.handlers.Callback(self.events.put, indirect=False)
-        note = zenoh.handlers.Callback(self._timings.append, indirect=False)
+        note = zenoh.handlers.Callback(self._reports.append, indirect=False)
         self._declared = [
             *[session.declare_subscriber(key, put) for key in self.torque_keys],
             *[
                 session.declare_subscriber(keys.stalled(name, joint), self._left(STALLED))
                 for joint in joints
             ],
-            *[session.declare_subscriber(key, note) for key in self._timing_keys if records],
+            *[session.declare_subscriber(key, note) for key in self._report_keys if records],
             *[
                 session.declare_subscriber(keys.fault(name, joint), self._left(FAULT))
                 for joint in joints
@@ -66,11 +71,11 @@ class Post:
         told: Any = self._observations[board]  # The stub calls its status a bool; it is an object.
         return bool(told.matching_status.matching)
 
-    def timings(self) -> Iterator[tuple[int, bytes]]:
-        """Boards and the timing frames that have come from them since the last look."""
-        while self._timings:
-            sample = self._timings.popleft()
-            yield self._timing_keys[str(sample.key_expr)], sample.payload.to_bytes()
+    def reports(self) -> Iterator[tuple[int, type[Report], bytes]]:
+        """Boards, and the reports that have come from them since the last look, with their kind."""
+        while self._reports:
+            sample = self._reports.popleft()
+            yield *self._report_keys[str(sample.key_expr)], sample.payload.to_bytes()
 
     def end(self, payload: bytes) -> None:
         """Tell every board that the run is over."""

@@ -102,7 +102,7 @@ class Runtime:
             self._farewell(outcome.ending)
         finally:
             if self.recorder is not None:
-                self.recorder.close(outcome, self.post.timings())
+                self.recorder.close(outcome, self.post.reports())
 
     def _boundary(self) -> None:
         """Between two ticks: boards come and go."""
@@ -155,7 +155,7 @@ class Runtime:
         for board, payload in lockstep.open():
             self.post.observe(board, payload)
         if self.recorder is not None:
-            self.recorder.write(self.post.timings())
+            self.recorder.write(self.post.reports())
         patience_s = self.options.patience_s or STALL_AFTER_S
         while lockstep.waiting:
             try:

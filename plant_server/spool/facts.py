@@ -8,7 +8,7 @@
     fingerprint     of the machine's arithmetic, `protocol.process.fingerprint`
 
 At its end a recording adds what the process that wrote it has used, `cpu_s` and `memory_kb`, and in
-processes `timings_refused`: how many wall times of boards were not kept, by reason.
+processes `reports_refused`: how many reports of boards were not kept, by reason.
 """
 
 import os

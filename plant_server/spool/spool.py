@@ -23,11 +23,11 @@ from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.scenario import Scenario, ScenarioError, canonical
 from protocol.robot.scenario import decode as decode_scenario
-from protocol.wire.frames import VERSION, decode, version_trouble
+from protocol.wire.frames import VERSION, Report, decode_report, version_trouble
 from protocol.wire.timing import Timing
 
 CHUNK_BYTES = 1 << 18
-_SCENARIO, _TICK, _OUTCOME, _FACTS, _TIMING = range(5)
+_SCENARIO, _TICK, _OUTCOME, _FACTS, _REPORT = range(5)
 _REALTIME = 8
 PLANT = -1
 """Whose account it is, of a run in realtime, that no board gave."""
@@ -79,9 +79,9 @@ class SpoolWriter:
         """Keep facts about the run; later ones go over earlier ones of the same name."""
         self._chunks.put(self._pack((_FACTS, canonical_json(facts))))
 
-    def keep_timing(self, board: int, payload: bytes) -> None:
-        """Keep a `Timing` frame of a board, as it came."""
-        self._chunks.put(self._pack((_TIMING, board, payload)))
+    def keep_report(self, board: int, payload: bytes) -> None:
+        """Keep what a board has told for the recording alone, as it came."""
+        self._chunks.put(self._pack((_REPORT, board, payload)))
 
     def keep_realtime(self, board: int, told: bytes | dict[str, float]) -> None:
         """Keep what a board has told of its own time, as it came; of `PLANT`, its account."""
@@ -122,8 +122,8 @@ class Spool(NamedTuple):
     ticks: list[TickRecord]
     walls: list[Walls | None]
     """One for each tick; None where no clock was read, as in the twin."""
-    timings: list[tuple[int, Timing]]
-    """Boards, and when they did what, in the order in which the plant received it.
+    reports: list[tuple[int, Report]]
+    """Boards, and what they told for the recording, in the order in which the plant received it.
 
     When a run was cut short, boards may tell of the tick that was open as well.
     """
@@ -133,6 +133,11 @@ class Spool(NamedTuple):
     """Whether the recording has its end: nothing that happened is missing."""
     realtime: tuple[tuple[int, Any], ...] = ()
     """Of a run in realtime: traces of boards, each with its number, and the account of `PLANT`."""
+
+    @property
+    def timings(self) -> list[tuple[int, Timing]]:
+        """Boards, and when they did what."""
+        return [(board, report) for board, report in self.reports if isinstance(report, Timing)]
 
     @property
     def in_realtime(self) -> bool:
@@ -149,7 +154,7 @@ def read_spool(path: Path) -> Spool:
     facts: dict[str, Any] = {}
     ticks: list[TickRecord] = []
     walls: list[Walls | None] = []
-    timings: list[tuple[int, Timing]] = []
+    reports: list[tuple[int, Report]] = []
     realtime: list[tuple[int, Any]] = []
     outcome: Outcome | None = None
     for kind, *fields in _records(path.read_bytes()):
@@ -157,9 +162,9 @@ def read_spool(path: Path) -> Spool:
             tick, *sequences, times = fields
             ticks.append(TickRecord(tick, *map(tuple, sequences)))
             walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
-        elif kind == _TIMING:
+        elif kind == _REPORT:
             board, payload = fields
-            timings.append((board, decode(Timing, payload)))
+            reports.append((board, decode_report(payload)))
         elif kind == _OUTCOME:
             tick, angles, rates, ending, wall_s, undriven = fields
             joints = tuple(Undriven(*joint) for joint in undriven)
@@ -175,7 +180,7 @@ def read_spool(path: Path) -> Spool:
     if scenario is None:
         raise ValueError("it holds no complete chunk of a run")
     complete = outcome is not None
-    return Spool(scenario, facts, ticks, walls, timings, outcome, complete, tuple(realtime))
+    return Spool(scenario, facts, ticks, walls, reports, outcome, complete, tuple(realtime))
 
 
 def recorded_scenario(payload: bytes) -> Scenario:

@@ -6,6 +6,7 @@ From this follow what a receiver refuses, the tables of `protocol/README.md` and
 `run.mcap`. A bound is checked by msgspec while it reads; NaN is beyond any.
 """
 
+from functools import cache
 from types import GenericAlias
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -42,10 +43,11 @@ class Field(NamedTuple):
     difference: bool
 
 
-def fields(message: Any) -> list[Field]:
+@cache
+def fields(message: Any) -> tuple[Field, ...]:
     """Give the fields of a message, or of a part of one, in their order."""
     hints = get_type_hints(message, include_extras=True)
-    return [_field(name, *get_args(hint)[:2]) for name, hint in hints.items()]
+    return tuple(_field(name, *get_args(hint)[:2]) for name, hint in hints.items())
 
 
 def _field(name: str, of: Any, meta: Meta) -> Field:

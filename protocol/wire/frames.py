@@ -5,7 +5,8 @@ Rule 2: a receiver trusts nothing. What does not fit raises `ProtocolError` with
 Rule 3: every field has one type. A float is never sent as an int, so a frame keeps its size.
 
 A field that may be absent has a value that cannot occur instead of a null (`NO_TICK`). To add a
-kind: its class, its number in `KINDS`, and its table and a vector in the specification.
+kind: its class, its number in `KINDS`, and its table and a vector in the specification. One that
+is for the recording alone also stands in `Report`: it is then recorded, and is in `run.mcap`.
 """
 
 from enum import StrEnum
@@ -303,6 +304,17 @@ KINDS: dict[type, int] = {
     LastWord: 9,
 }
 
+Report = Timing
+"""What a board tells for the recording alone: the union of these kinds. Each begins with the run,
+the incarnation and the tick that it is of, or the first of its `ticks`; no tick is told twice."""
+REPORTS: tuple[type[Report], ...] = (Report,)
+
+
+def report_name(kind: type[Report]) -> str:
+    """What ends the key of a report, and the channel that it is recorded on."""
+    return kind.__name__.lower()
+
+
 _encode = msgspec.msgpack.Encoder().encode
 
 
@@ -313,6 +325,16 @@ def _decoder(kind: int, fields: Any) -> Any:
 _decoders = {frame: _decoder(kind, frame) for frame, kind in KINDS.items()}
 _lenient = {frame: _decoder(kind, without_bounds(frame)) for frame, kind in KINDS.items()}
 _array = msgspec.msgpack.Decoder(tuple[Any, ...])
+
+
+class _Head(msgspec.Struct, array_like=True):
+    """What every frame begins with."""
+
+    version: int
+    kind: int
+
+
+_head = msgspec.msgpack.Decoder(_Head)
 
 
 def version_trouble(version: object) -> str | None:
@@ -356,8 +378,11 @@ def _elements(body: bytes) -> tuple[Any, ...]:
 
 def kind_of(payload: bytes) -> type | None:
     """Which kind of frame this is, if any. Raises `ProtocolError`."""
-    _, kind, *_ = *unseal(payload), None
-    return next((frame for frame, number in KINDS.items() if number == kind), None)
+    try:
+        head = _head.decode(opened(payload))
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    return next((frame for frame, number in KINDS.items() if number == head.kind), None)
 
 
 def encode(frame: AnyFrame) -> bytes:
@@ -414,3 +439,12 @@ def _refusal(
         return None, ProtocolError(Reason.MALFORMED, detail)
     frame: Any = expected._make(fields)
     return frame, ProtocolError(Reason.RANGE, f"{expected.__name__}: {error}")
+
+
+def decode_report(payload: bytes) -> Report:
+    """Parse a report of any kind, as `decode`."""
+    kind = kind_of(payload)
+    for report in REPORTS:
+        if report is kind:
+            return decode(report, payload)
+    raise ProtocolError(Reason.MALFORMED, "not a report")

@@ -3,7 +3,7 @@
 A chunk that starts with `@` is not matched by `**`, so a listener on `dec/**` hears data only.
 """
 
-from protocol.wire.frames import VERSION
+from protocol.wire.frames import VERSION, Report, report_name
 
 ENROL = "dec/@enrol"
 """Outside version and rig: what does not fit must still be answered."""
@@ -46,9 +46,9 @@ def torque(rig: str, joint: str) -> str:
     return f"{_HERE}/{rig}/{joint}/torque"
 
 
-def timing(rig: str, joint: str) -> str:
-    """One board to the plant, every few ticks: when it did what."""
-    return f"{_HERE}/{rig}/{joint}/timing"
+def report(rig: str, joint: str, kind: type[Report]) -> str:
+    """One board to a plant that records, now and then: what is for the recording alone."""
+    return f"{_HERE}/{rig}/{joint}/{report_name(kind)}"
 
 
 def link(rig: str, sender: str, receiver: str) -> str:

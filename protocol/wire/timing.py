@@ -54,7 +54,7 @@ class TickTiming(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Board to a plant that records, every few ticks: when it did what. Nothing waits for it."""
+    """When a board did what in some ticks, on its own monotonic clock, and what it has used."""
 
     run_id: Annotated[int, field("the run, as granted at enrolment")]
     incarnation: Annotated[int, field("of the sender")]

@@ -65,7 +65,7 @@ def timed(of: Spool) -> Spool:
     return of._replace(
         facts=FACTS,
         walls=[_walls(record) for record in of.ticks],
-        timings=[
+        reports=[
             (board, _timing(of.ticks[first : first + 16], board))
             for first in range(0, len(of.ticks), 16)
             for board in range(len(of.ticks[0].answers))

@@ -19,6 +19,7 @@ from plant_server.spool.spool import read_spool
 from protocol.robot.states import COUNTERS
 from protocol.wire import keys
 from protocol.wire.frames import NO_TICK, LinkFrame, TorqueFrame, decode, encode, seal
+from protocol.wire.timing import Timing
 from protocol.wire.wiring import Rig as Address
 from protocol.wire.wiring import rig_of, terminal_session
 from tests.system.rig import Process, Rig, decmesh, eventually, said, twin_digest
@@ -52,7 +53,7 @@ def every_key(rig: Rig) -> list[str]:
         *(keys.observation(name, joint) for joint in joints),
         *(keys.torque(name, joint) for joint in joints),
         *(keys.stalled(name, joint) for joint in joints),
-        *(keys.timing(name, joint) for joint in joints),
+        *(keys.report(name, joint, Timing) for joint in joints),
         *(keys.fault(name, joint) for joint in joints),
         *(keys.link(name, a, b) for a in joints for b in joints if a != b),
         keys.end(name),

@@ -60,7 +60,7 @@ def test_a_recording_tells_when_everything_happened(make_rig: Callable[..., Rig]
     assert spool.complete
     assert spool.facts["mode"] == "processes"
     assert spool.facts["fingerprint"] == fingerprint()
-    assert spool.facts["timings_refused"] == {}
+    assert spool.facts["reports_refused"] == {}
     assert spool.facts["cpu_s"] > 0.0
     assert {frame.clock for _, frame in spool.timings} == {clock_id()} == {spool.facts["clock"]}
     check_times(spool)

@@ -5,7 +5,6 @@ Rule: back and forth gives the same record, bytes of frames included.
 
 import json
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from operator import index
 from typing import Any
 
@@ -16,15 +15,16 @@ from plant_server.spool.spool import recorded_scenario
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.scenario import Scenario, canonical
 from protocol.robot.states import COUNTERS
+from protocol.wire.fields import fields
 from protocol.wire.frames import (
     LinkFrame,
     LinkUse,
     Observation,
+    Report,
     TorqueFrame,
     decode,
     encode,
 )
-from protocol.wire.timing import TickTiming, Timing
 
 Body = dict[str, Any]
 WHOLE_END = 2**63
@@ -175,17 +175,30 @@ def to_walls(body: Body) -> Walls:
     )
 
 
-def of_timing(timing: Timing) -> Body:
-    """When a board did what."""
-    return {**timing._asdict(), "ticks": [tick._asdict() for tick in timing.ticks]}
+def of_report(report: Report) -> Body:
+    """What a board told for the recording."""
+    return {
+        name: [entry._asdict() for entry in value] if isinstance(value, tuple) else value
+        for name, value in report._asdict().items()
+    }
 
 
-def to_timing(body: Body) -> Timing:
-    """When a board did what."""
-    ticks = tuple(TickTiming(**tick) for tick in body["ticks"])
-    for number in (*(body[name] for name in Timing._fields[:-1]), *chain.from_iterable(ticks)):
-        _whole(number)
-    return Timing(**{**body, "ticks": ticks})
+def to_report(kind: type[Report], body: Body) -> Report:
+    """What a board told for the recording."""
+    report: Report = _mirror(kind, body)
+    return report
+
+
+def _mirror(kind: Any, body: Body) -> Any:
+    """A message of the wire, or an entry of one, from what mirrors it."""
+    values: list[Any] = []
+    for of in fields(kind):
+        value = body[of.name]
+        if of.repeats:
+            values.append(tuple(_mirror(of.type, entry) for entry in value))
+        else:
+            values.append(_whole(value) if of.type is int else of.type(value))
+    return kind(*values)
 
 
 def of_outcome(outcome: Outcome) -> Body:

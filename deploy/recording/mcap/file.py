@@ -36,10 +36,10 @@ from deploy.recording.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.scenario import Scenario
-from protocol.wire.frames import VERSION
-from protocol.wire.timing import Timing
+from protocol.wire.frames import VERSION, Report
 
 UNFINISHED = ".unfinished"
+_REPORTS = {kind.name: report for report, kind in schema.REPORTS.items()}
 RELEASE_NS = 1_000_000_000_000
 """Log time of tick 0: 1000 s, so that the warm-up before it has a time as well."""
 
@@ -174,7 +174,7 @@ class _Reading:
         self.facts: dict[str, Any] = {}
         self.ticks: list[TickRecord] = []
         self.walls: dict[int, Walls] = {}
-        self.timings: list[tuple[int, Timing]] = []
+        self.reports: list[tuple[int, Report]] = []
         self.outcome: Outcome | None = None
         self.realtime: list[tuple[int, Any]] = []
         self._told: defaultdict[str, list[bodies.Body]] = defaultdict(list)
@@ -194,7 +194,7 @@ class _Reading:
             self.facts,
             self.ticks,
             walls,
-            self.timings,
+            self.reports,
             self.outcome,
             complete=self.metadata is not None and self.metadata["complete"] == "true",
             realtime=tuple(self.realtime),
@@ -219,9 +219,10 @@ class _Reading:
             case schema.TIMING.name:
                 body = orjson.loads(data)
                 self.walls[body["tick"]] = bodies.to_walls(body)
-            case schema.BOARD_TIMING.name:
+            case name if name in _REPORTS:
                 board = self._joints.index(_joint(topic))
-                self.timings.append((board, bodies.to_timing(orjson.loads(data))))
+                report = bodies.to_report(_REPORTS[name], orjson.loads(data))
+                self.reports.append((board, report))
             case schema.OUTCOME.name:
                 self.outcome = bodies.to_outcome(orjson.loads(data))
             case (

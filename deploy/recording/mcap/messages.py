@@ -28,6 +28,7 @@ from deploy.recording.trajectory import Trajectory
 from plant_server.record import TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
+from protocol.wire.frames import REPORTS
 from protocol.wire.trace import LastWord, Trace
 from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
@@ -61,7 +62,8 @@ def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]
     for board, joint in enumerate(joints):
         found[topics.observation(joint)] = schema.OBSERVATION
         found[topics.torque(joint)] = schema.TORQUE
-        found[topics.timing(joint)] = schema.BOARD_TIMING
+        for kind in REPORTS:
+            found[topics.report(joint, kind)] = schema.REPORTS[kind]
         if in_realtime:
             found[topics.torque(joint)] = realtime_schema.IN_FORCE
             found[topics.turn(joint)] = realtime_schema.TURN
@@ -101,7 +103,7 @@ class RecordingMessages:
         self._accounts = _decoded(spool.realtime if cadence else ())
         self._next_account = next(self._accounts, None)
         self._held: dict[int, PendingTick] = {}
-        self._timings = deque(spool.timings)
+        self._reports = deque(spool.reports)
         self._epochs = deque(bodies.of_epochs(epochs(run), self.joints))
         self._spoken_ns = {
             (board, timing.tick + i): min(timing.base_ns + tick.decided_us * 1000, NS_MAX)
@@ -121,8 +123,8 @@ class RecordingMessages:
         self._settle(self._told.end())
         for tick, held in self._held.items():
             yield from self._tell(tick, held)
-        while self._timings:
-            yield self._timing()
+        while self._reports:
+            yield self._report()
         yield from self._realtime(spool.ticks[-1].tick, to_the_end=True)
         yield Message(topics.REFUSED, spool.ticks[-1].tick, 0, self._refused())
         if spool.outcome is not None:
@@ -176,8 +178,8 @@ class RecordingMessages:
         yield Message(topics.PLANT_TICK, tick, closed_ns, bodies.of_tick(told.recorded))
         if walls is not None:
             yield Message(topics.TIMING, tick, walls.closed_ns, bodies.of_walls(tick, walls))
-        while self._timings and self._timings[0][1].tick <= tick:
-            yield self._timing()
+        while self._reports and self._reports[0][1].tick <= tick:
+            yield self._report()
         yield from self._realtime(tick)
         while self._epochs and self._epochs[0]["tick"] == tick:
             yield Message(topics.EPOCH, tick, 0, self._epochs.popleft())
@@ -205,10 +207,11 @@ class RecordingMessages:
             ),
         )
 
-    def _timing(self) -> Message:
-        board, timing = self._timings.popleft()
-        topic = topics.timing(self.joints[board])
-        return Message(topic, timing.tick, timing.base_ns, bodies.of_timing(timing))
+    def _report(self) -> Message:
+        board, report = self._reports.popleft()
+        topic = topics.report(self.joints[board], type(report))
+        published_ns: int = getattr(report, "base_ns", 0)
+        return Message(topic, report.tick, published_ns, bodies.of_report(report))
 
     def _realtime(self, tick: int, *, to_the_end: bool = False) -> Iterator[Message]:
         """What boards told of turns that are over by a tick, in the order in which it came."""

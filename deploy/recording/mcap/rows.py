@@ -14,6 +14,7 @@ import msgspec
 
 from deploy.recording.mcap import realtime_schema, schema
 from deploy.recording.mcap.contents import DAMAGE, NoRecordingError, Registry, messages, parts
+from protocol.wire.timing import Timing
 
 Numbers = list[float]
 Integers = list[int]
@@ -190,7 +191,7 @@ READ = frozenset(
         schema.EPOCH.name,
         schema.EVENT.name,
         schema.TIMING.name,
-        schema.BOARD_TIMING.name,
+        schema.REPORTS[Timing].name,
         schema.REFUSED.name,
         schema.OUTCOME.name,
         realtime_schema.TURN.name,

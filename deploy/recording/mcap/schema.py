@@ -12,9 +12,9 @@ from collections.abc import Container
 from typing import Any, NamedTuple
 
 from deploy.recording.frame_fate import FrameFate
+from protocol.wire import frames
 from protocol.wire.fields import fields
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Observation, Reason, TorqueFrame
-from protocol.wire.timing import Timing
 
 NUMBER, INTEGER, TEXT = "number", "integer", "string"
 Fields = dict[str, tuple[Any, str]]
@@ -185,11 +185,11 @@ TIMING = Kind(
         "closed_ns": (INTEGER, "after the last answer, before the body moved on"),
     },
 )
-BOARD_TIMING = Kind(
-    "decmesh.BoardTiming",
-    "When a board did what in some ticks, on its own monotonic clock, and what it has used.",
-    mirrored(Timing),
-)
+REPORTS = {
+    kind: Kind(f"decmesh.Board{kind.__name__}", (kind.__doc__ or "").strip(), mirrored(kind))
+    for kind in frames.REPORTS
+}
+"""What boards tell for the recording alone."""
 OUTCOME = Kind(
     "decmesh.Outcome",
     "How the run ended.",

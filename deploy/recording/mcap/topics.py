@@ -1,5 +1,7 @@
 """Names of the channels of `run.mcap`."""
 
+from protocol.wire.frames import Report, report_name
+
 SCENARIO, FACTS, PLANT_TICK, PACE = "/scenario", "/facts", "/plant/tick", "/plant/pace"
 EPOCH, EVENT, TIMING = "/epoch", "/event", "/timing"
 REFUSED, OUTCOME = "/refused", "/outcome"
@@ -15,9 +17,9 @@ def torque(joint: str) -> str:
     return f"/{joint}/torque"
 
 
-def timing(joint: str) -> str:
-    """Where the times are that a board told."""
-    return f"/{joint}/timing"
+def report(joint: str, kind: type[Report]) -> str:
+    """Where what a board told for the recording is."""
+    return f"/{joint}/{report_name(kind)}"
 
 
 def link(sender: str, receiver: str) -> str:

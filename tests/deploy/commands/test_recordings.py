@@ -248,7 +248,7 @@ def test_a_recovered_run_has_indices_up_to_where_it_was_cut(tmp_path: Path) -> N
 
 def test_a_whole_spool_becomes_a_whole_file(tmp_path: Path, whole: Path) -> None:
     """As of a plant that was started by hand."""
-    of = of_here()._replace(timings=[])
+    of = of_here()._replace(reports=[])
     path = spooled(of, tmp_path / "run")
     facts = json.loads(typed("recover", path, "--json").stdout)
     assert facts == {

@@ -52,7 +52,7 @@ def test_a_frame_arrives_in_the_tick_after_it_was_said_and_stands_where_it_was_s
 
 def test_what_boards_did_not_get_to_tell_is_not_known() -> None:
     of = timed(spool())
-    found = read_back(of._replace(timings=[t for t in of.timings if t[0] != 1 or t[1].tick < 50]))
+    found = read_back(of._replace(reports=[t for t in of.timings if t[0] != 1 or t[1].tick < 50]))
     known = (found.said_ns[:, 1] > 0).tolist()
     last = known.index(False)
     assert 40 < last < 70
@@ -67,7 +67,7 @@ def test_times_of_ticks_that_the_run_did_not_have_do_no_harm() -> None:
         for tick in (-(2**31), -5, 280, 2**31 - 1)
     ]
     of = timed(spool())
-    found = read_back(of._replace(timings=[(0, one) for one in odd]))
+    found = read_back(of._replace(reports=[(0, one) for one in odd]))
     assert np.flatnonzero(found.taken_up_ns[:, 0]).tolist() == [*range(35), *range(280, 300)]
 
 
@@ -108,7 +108,7 @@ def test_efforts_are_of_each_process() -> None:
     assert found.processes["plant"] == (FACTS["cpu_s"], 2.0)
     assert found.processes["hip"] == (0.314, 30_722 / 1024)
     second = of.timings[-1][1]._replace(incarnation=2, cpu_us=1_000_000, memory_kb=1024)
-    again = read_back(of._replace(timings=[*of.timings, (2, second)]))
+    again = read_back(of._replace(reports=[*of.timings, (2, second)]))
     assert again.processes["hip"] == (1.314, 30_722 / 1024)
     twin = read_back(spool()._replace(facts={"mode": "twin", "cpu_s": 2.0, "memory_kb": 1024}))
     assert twin.processes == {"twin": (2.0, 1.0)}
@@ -119,5 +119,5 @@ def test_clocks_are_shared_when_all_are_one_and_known() -> None:
     board, last = of.timings[-1]
     for clock in (0, 8):
         other = (board, last._replace(clock=clock))
-        assert not read_back(of._replace(timings=[*of.timings[:-1], other])).clocks_shared
+        assert not read_back(of._replace(reports=[*of.timings[:-1], other])).clocks_shared
     assert not read_back(of._replace(facts={**FACTS, "clock": 0})).clocks_shared

@@ -63,9 +63,11 @@ class Recording:
         return read_spool(self.path)
 
     @staticmethod
-    def _payloads(timings: tuple[tuple[int, Timing | bytes], ...]) -> list[tuple[int, bytes]]:
+    def _payloads(
+        timings: tuple[tuple[int, Timing | bytes], ...],
+    ) -> list[tuple[int, type[Timing], bytes]]:
         return [
-            (board, frame if isinstance(frame, bytes) else encode(frame))
+            (board, Timing, frame if isinstance(frame, bytes) else encode(frame))
             for board, frame in timings
         ]
 
@@ -94,7 +96,7 @@ def test_what_boards_tell_is_kept_with_whose_it_is(recording: Recording) -> None
     ]
     assert [record.tick for record in spool.ticks] == [2, 3, 7]
     assert spool.walls == [Walls(1, (2, 3), 4)] * 3
-    assert spool.facts["timings_refused"] == {}
+    assert spool.facts["reports_refused"] == {}
     assert spool.complete
 
 
@@ -115,7 +117,7 @@ def test_a_tick_is_told_once(recording: Recording) -> None:
     recording.keep(10, (KNEE, FRAME._replace(tick=-5)), (ANKLE, FRAME))
     spool = recording.end(11)
     assert spool.timings == [(KNEE, FRAME), (ANKLE, FRAME)]
-    assert spool.facts["timings_refused"] == {"tick": 3}
+    assert spool.facts["reports_refused"] == {"tick": 3}
 
 
 def test_nobody_tells_of_what_has_not_been(recording: Recording) -> None:

@@ -326,7 +326,7 @@ def test_wall_times_timings_and_facts_are_read_back(tmp_path: Path) -> None:
     with SpoolWriter(tmp_path / "run", SCENARIO, facts) as writer:
         for tick, wall in zip(ticks, walls, strict=True):
             writer.append(tick, wall)
-            writer.keep_timing(tick.tick % 3, encode(frame._replace(tick=tick.tick)))
+            writer.keep_report(tick.tick % 3, encode(frame._replace(tick=tick.tick)))
         writer.note({"mode": "processes"})
         writer.close(OUTCOME)
     back = read_spool(tmp_path / "run")

@@ -333,14 +333,15 @@ def _beyond(of: Field) -> list[Any]:
     return [end + out for end, out in ((of.ge, -1), (of.le, 1)) if end is not None]
 
 
-def _bounded(message: Any) -> list[tuple[int, Field]]:
+def _bounded(message: type) -> list[tuple[int, Field]]:
     return [(i, of) for i, of in enumerate(fields_of(message)) if (of.ge, of.le) != (None, None)]
 
 
 @pytest.mark.parametrize("frame", SAMPLES, ids=lambda frame: type(frame).__name__)
 def test_a_number_out_of_range_is_the_last_reason(frame: Any) -> None:
     """Whoever has other reasons gets the frame to look for them."""
-    entries = fields_of(type(frame))[-1]
+    kind: Any = type(frame)
+    entries = fields_of(kind)[-1]
     wrong = [
         frame._replace(**{of.name: value})
         for _, of in _bounded(type(frame))

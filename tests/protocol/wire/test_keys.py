@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from protocol.wire import keys
 from protocol.wire.frames import VERSION
+from protocol.wire.timing import Timing
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,15}", fullmatch=True)
 JOINTS = ("ankle", "knee", "hip", "neck")
@@ -17,7 +18,7 @@ def test_keys_are_those_of_the_specification() -> None:
     assert keys.observation("robot", "knee") == "dec/v2/robot/plant/knee/observation"
     assert keys.torque("robot", "knee") == "dec/v2/robot/knee/torque"
     assert keys.link("robot", "knee", "hip") == "dec/v2/robot/knee/link/hip"
-    assert keys.timing("robot", "knee") == "dec/v2/robot/knee/timing"
+    assert keys.report("robot", "knee", Timing) == "dec/v2/robot/knee/timing"
     assert keys.end("robot") == "dec/v2/robot/plant/@end"
     assert keys.plant_alive("robot") == "dec/v2/robot/plant/@alive"
     assert keys.alive("robot", "knee", 0xBEEF) == "dec/v2/robot/knee/@alive/000000000000beef"
@@ -30,7 +31,7 @@ def _all_keys(rig: str) -> list[str]:
             keys.observation,
             keys.torque,
             keys.stalled,
-            keys.timing,
+            lambda r, j: keys.report(r, j, Timing),
             keys.fault,
             lambda r, j: keys.alive(r, j, 1),
         )

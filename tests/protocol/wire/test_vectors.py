@@ -178,7 +178,7 @@ def test_every_key_is_in_the_table_of_the_specification() -> None:
         keys.torque("{rig}", "{joint}"),
         keys.link("{rig}", "{joint}", "{neighbour}"),
         keys.stalled("{rig}", "{joint}"),
-        keys.timing("{rig}", "{joint}"),
+        keys.report("{rig}", "{joint}", Timing),
         keys.fault("{rig}", "{joint}"),
         keys.control("{rig}"),
         keys.end("{rig}"),

@@ -115,7 +115,7 @@ def test_what_is_no_number_or_written_by_another_hand_comes_back_too(tmp_path: P
 def test_a_recording_that_was_cut_off_says_so(tmp_path: Path) -> None:
     of = timed(spool("storm"))
     cut = of._replace(
-        ticks=of.ticks[:137], walls=of.walls[:137], outcome=None, complete=False, timings=[]
+        ticks=of.ticks[:137], walls=of.walls[:137], outcome=None, complete=False, reports=[]
     )
     path = written(cut, tmp_path)
     assert read_mcap(path) == cut
