@@ -1,6 +1,8 @@
 """What a run leaves behind: a record of every tick, and how it ended."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
+
+from protocol.robot.events import Event
 
 COMPLETE = "complete"
 FELL = "fell"
@@ -17,8 +19,8 @@ class TickRecord(NamedTuple):
     torques_nm: tuple[float, ...]
     answers: tuple[bytes, ...]
     """Torque frames, from the ground up; empty where there was no board."""
-    events: tuple[list[Any], ...]
-    """Commands that took effect, boards that came, went and failed, verdicts: `[what, ...]`."""
+    events: tuple[Event, ...]
+    """Commands that took effect, boards that came, went and failed, verdicts."""
 
 
 class Walls(NamedTuple):

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,7 +12,8 @@ from deploy.commands.terminal import JsonOption, out, print_json
 from deploy.launch.status import status_shown
 from deploy.scenario_file.fault_amount import amount_of
 from deploy.scenario_file.ticks import MeaningError, whole_ticks
-from protocol.robot.commands import DELAY_TICKS_MAX, Command
+from protocol.robot import events
+from protocol.robot.events import DELAY_TICKS_MAX, Command
 from protocol.robot.sensors import FAULTS, Faultable, FaultKind
 
 if TYPE_CHECKING:
@@ -76,7 +78,7 @@ def heal(
     """
 
     def command(status: dict[str, Any], live: Any) -> Command:
-        return ["heal", live.pairs_of(link, status, one_way=one_way)]
+        return events.LinkRepair(live.pairs_of(link, status, one_way=one_way))
 
     _do(command, rig, as_json=as_json)
 
@@ -114,7 +116,7 @@ def delay(
         if ticks is None or not 0 <= ticks <= DELAY_TICKS_MAX:
             most = f"{DELAY_TICKS_MAX * tick_ms:g} ms, in whole ticks of {tick_ms:g} ms"
             raise typer.BadParameter(f"{time!r} cannot be; a delay is from 0 to {most}")
-        return ["link", pairs, {"delay_ticks": float(ticks)}]
+        return events.LinkChange(pairs, {"delay_ticks": float(ticks)})
 
     _do(command, rig, as_json=as_json)
 
@@ -137,7 +139,7 @@ def push(
     def command(status: dict[str, Any], live: Any) -> Command:
         names = status["segments"]
         link = len(names) - 1 if segment is None else live.index_of(segment, names, "segment")
-        return ["push", link, force_n, max(1, round(duration_s / status["tick_s"]))]
+        return events.Push(link, force_n, max(1, round(duration_s / status["tick_s"])))
 
     _do(command, rig, as_json=as_json)
 
@@ -152,7 +154,8 @@ def reference(
 
     Example: decmesh reference hip 5deg
     """
-    _of_joint(joint, "reference", [quantity(angle, "angle")], rig, as_json=as_json)
+    rad = quantity(angle, "angle")
+    _of_joint(joint, lambda board: events.ReferenceChange(board, rad), rig, as_json=as_json)
 
 
 def sensor(
@@ -181,7 +184,8 @@ def sensor(
             raise typer.BadParameter(str(error)) from error
         ticks = 0 if for_ms is None else max(1, round(for_ms / tick_ms))
         joints = [board["joint"] for board in status["boards"]]
-        return ["sensor", live.index_of(joint, joints, "joint"), which, fault, size, ticks]
+        board = live.index_of(joint, joints, "joint")
+        return events.SensorFault(board, which, fault, size, ticks)
 
     _do(command, rig, as_json=as_json)
 
@@ -191,7 +195,7 @@ def unplug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = Fa
 
     Example: decmesh unplug knee
     """
-    _of_joint(joint, "unplug", [], rig, as_json=as_json)
+    _of_joint(joint, events.Unplug, rig, as_json=as_json)
 
 
 def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = False) -> None:
@@ -199,7 +203,7 @@ def plug(joint: JointArgument, rig: RigOption = None, as_json: JsonOption = Fals
 
     Example: decmesh plug knee
     """
-    _of_joint(joint, "plug", [], rig, as_json=as_json)
+    _of_joint(joint, events.Plug, rig, as_json=as_json)
 
 
 def status(rig: RigOption = None, as_json: JsonOption = False) -> None:
@@ -228,17 +232,17 @@ def _change(
     link: str, changes: dict[str, float], rig: str | None, *, one_way: bool, as_json: bool
 ) -> None:
     def command(status: dict[str, Any], live: Any) -> Command:
-        return ["link", live.pairs_of(link, status, one_way=one_way), changes]
+        return events.LinkChange(live.pairs_of(link, status, one_way=one_way), changes)
 
     _do(command, rig, as_json=as_json)
 
 
 def _of_joint(
-    joint: str, name: str, values: list[float], rig: str | None, *, as_json: bool
+    joint: str, made: Callable[[int], Command], rig: str | None, *, as_json: bool
 ) -> None:
     def command(status: dict[str, Any], live: Any) -> Command:
         joints = [board["joint"] for board in status["boards"]]
-        return [name, live.index_of(joint, joints, "joint"), *values]
+        return made(live.index_of(joint, joints, "joint"))
 
     _do(command, rig, as_json=as_json)
 

@@ -14,6 +14,7 @@ from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, undisturbed
+from protocol.robot.events import BoardFault
 from protocol.robot.scenario import Scenario
 
 SUMMARY = "summary.json"
@@ -61,8 +62,8 @@ def _run_twin(scenario: Scenario, folder: Path, watch: Watch) -> int:
                     started = time.monotonic()
                 watch.on_tick(record.tick)
                 for event in record.events:
-                    if event[0] == "fault":
-                        watch.on_line(_fault_line(twin, record.tick, event[1]))
+                    if isinstance(event, BoardFault):
+                        watch.on_line(_fault_line(twin, record.tick, event.board))
         except StoppedError:
             stopped = STOPPED
         outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)

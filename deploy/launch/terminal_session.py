@@ -18,7 +18,7 @@ from deploy.launch import rigs
 from deploy.scenario_file.event_tables import directed_pairs
 from deploy.scenario_file.ticks import MeaningError
 from protocol.process.exit_codes import ExitCode
-from protocol.robot.commands import Command
+from protocol.robot.events import Command, Pairs, values_of
 from protocol.wire import keys
 from protocol.wire.frames import VERSION, seal
 from protocol.wire.wiring import Rig, set_runtime_threads, terminal_session
@@ -90,7 +90,7 @@ class Terminal:
 
         Raises `LiveError` if it cannot.
         """
-        tick: int = self._ask(json.dumps(command))["tick"]
+        tick: int = self._ask(json.dumps(values_of(command)))["tick"]
         return tick
 
     def _ask(self, request: str) -> dict[str, Any]:
@@ -109,7 +109,7 @@ class Terminal:
         raise LiveError(ExitCode.PEER_LOST, f"the plant at {where} does not answer")
 
 
-def pairs_of(link: str, status: dict[str, Any], *, one_way: bool) -> list[list[int]]:
+def pairs_of(link: str, status: dict[str, Any], *, one_way: bool) -> Pairs:
     """Directed links that a name stands for. Raises `LiveError`."""
     joints = [board["joint"] for board in status["boards"]]
     try:

@@ -16,6 +16,7 @@ from module_agent.firmware.config import board_config
 from plant_server.record import Outcome, TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.lockstep import Lockstep
+from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario, run_id
 
 
@@ -66,10 +67,10 @@ class Twin:
     def _boundary(self) -> None:
         """Between two ticks: take away or put in the board that the plant asks for."""
         match self.lockstep.begin():
-            case ["unplug", int(board)]:
+            case Unplug(board):
                 self.boards[board] = None
                 self.lockstep.remove(board, "unplugged")
-            case ["plug", int(board)]:
+            case Plug(board):
                 self._plug(board)
 
     def _deliver(self, sender: Board, payloads: tuple[bytes, ...]) -> None:

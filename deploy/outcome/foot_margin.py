@@ -11,6 +11,7 @@ import numpy as np
 
 from deploy.recording.trajectory import Floats, Trajectory
 from plant_server.body.chain import GRAVITY_M_S2
+from protocol.robot.events import Tipping
 from protocol.robot.states import State
 
 NOT_DRIVING = (0, int(State.SYNCING))
@@ -66,10 +67,10 @@ def foot_margin(run: Trajectory) -> FootMargin | None:
 def _tipping_ticks(run: Trajectory) -> int:
     """From the plant's record of when it began and ended."""
     ticks, since = 0, None
-    for tick, event in [*run.events, (run.ticks, ["tipping", False])]:
-        if event[0] != "tipping":
+    for tick, event in [*run.events, (run.ticks, Tipping(begins=False))]:
+        if not isinstance(event, Tipping):
             continue
-        if event[1]:
+        if event.begins:
             since = tick
         elif since is not None:
             ticks, since = ticks + tick - since, None

@@ -21,6 +21,7 @@ from deploy.recording.epochs import Epochs
 from deploy.recording.realtime_times import RealtimeTimes
 from deploy.recording.trajectory import Trajectory
 from plant_server.spool.facts import versions
+from protocol.robot.events import BoardFault
 
 Summary = dict[str, Any]
 Mode = Literal["processes", "twin"]
@@ -101,8 +102,14 @@ def summary(
         "consensus": agreed and agreed._asdict(),
         "realtime": None if realtime is None else realtime_summary(realtime, trajectory.joints),
         "faults": [
-            {"joint": scenario.boards[board].joint, "tick": tick, "code": code, "text": text}
-            for tick, (_what, board, code, text) in _failures(trajectory)
+            {
+                "joint": scenario.joints[event.board],
+                "tick": tick,
+                "code": int(event.code),
+                "text": event.text,
+            }
+            for tick, event in trajectory.events
+            if isinstance(event, BoardFault)
         ],
         "degraded": list(_degraded(trajectory)),
         "foot": foot and foot._asdict(),
@@ -110,11 +117,6 @@ def summary(
     }
     finite: Summary = _finite(values)
     return finite
-
-
-def _failures(trajectory: Trajectory) -> Iterator[tuple[int, list[Any]]]:
-    """Events of boards that failed, with their ticks."""
-    return ((tick, event) for tick, event in trajectory.events if event[0] == "fault")
 
 
 def _degraded(trajectory: Trajectory) -> Iterator[dict[str, Any]]:

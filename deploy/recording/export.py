@@ -21,6 +21,7 @@ from deploy.failure import FailedError
 from deploy.recording.arrays import Recording
 from deploy.recording.frame_fate import FrameFate
 from protocol.process.exit_codes import ExitCode
+from protocol.robot.events import tag_of, values_of
 from protocol.robot.states import State
 
 Column = NDArray[Any]
@@ -109,8 +110,8 @@ def _events(recording: Recording) -> Table:
     return {
         "tick": ticks,
         "time_s": ticks * run.tick_s,
-        "what": np.array([event[0] for _, event in run.events], np.str_),
-        "event_json": np.array([json.dumps(event) for _, event in run.events], np.str_),
+        "what": np.array([tag_of(event) for _, event in run.events], np.str_),
+        "event_json": np.array([json.dumps(values_of(event)) for _, event in run.events], np.str_),
     }
 
 

@@ -20,6 +20,7 @@ import msgpack
 
 from deploy.recording.differences import REFUSED
 from plant_server.spool.spool import Spool
+from protocol.robot.events import values_of
 from protocol.robot.scenario import meaning
 from protocol.wire.frames import TorqueFrame, decode
 
@@ -27,7 +28,7 @@ from protocol.wire.frames import TorqueFrame, decode
 def logical_sha256(spool: Spool) -> str:
     """Digest a recording, as hex digits."""
     digest = sha256()
-    pack = msgpack.Packer(use_bin_type=True).pack
+    pack = msgpack.Packer(use_bin_type=True, default=values_of).pack
     for item in _items(spool):
         digest.update(pack(item))
     return digest.hexdigest()

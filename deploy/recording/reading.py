@@ -6,7 +6,6 @@ Rule 2: what does not fit together (another number of joints, a tick left out, a
 Rule 3: a channel that somebody has left out of the file is as if nothing had been said on it.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from deploy.recording.epochs import Epochs
 from deploy.recording.files import MCAP, UnreadableError, is_mcap, is_spool, recording_file
 from deploy.recording.frame_fate import NEVER, FrameFate
 from deploy.recording.mcap import rows, topics
+from deploy.recording.mcap.bodies import to_event
 from deploy.recording.mcap.contents import DAMAGE
 from deploy.recording.mcap.rows import Channels, read_channels
 from deploy.recording.realtime_times import Lives, RealtimeRecord, RealtimeTimes, times_of
@@ -32,13 +32,14 @@ from deploy.recording.wall_times import (
 )
 from plant_server.spool.spool import recorded_scenario
 from protocol.robot.cadence import cadence_of
+from protocol.robot.events import Event, check_event
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK
 from protocol.wire.timing import TickTiming, Timing
 from protocol.wire.trace import Lived, Taken
 from protocol.wire.wiring import neighbours
 
-Event = tuple[int, list[Any]]
+Happened = tuple[int, Event]
 FATES = {fate.name.lower(): fate for fate in FrameFate}
 _SAID = ("torque_nm", "controlled_rad", "urgency"), (
     "state", "enabled", "epoch", "round", "candidate"
@@ -92,7 +93,7 @@ def recording(said: Channels) -> Recording:
     timings = list(_timings(said, joints))
     plant_timings = said.rows(topics.TIMING, rows.PlantTimingRow)
     body = _body(said, len(joints), plant_timings)
-    events = _events(said, body)
+    events = _events(said, body, joints)
     answers = _answers(said, joints, body)
     run = _trajectory(scenario, body, events, answers)
     boards = board_times(timings, run.ticks, len(joints))
@@ -169,14 +170,13 @@ def _body(said: Channels, joints: int, timings: Sequence[rows.PlantTimingRow]) -
     )
 
 
-def _events(said: Channels, body: Body) -> list[Event]:
+def _events(said: Channels, body: Body, joints: list[str]) -> list[Happened]:
     """What happened, each with its tick."""
     found = []
-    told = said.rows(topics.EVENT, rows.EventRow)
+    told = said.tables(topics.EVENT)
     for place, row in zip(said.places(topics.EVENT), told, strict=True):
-        event = json.loads(row.event)
-        if type(event) is not list or not event or type(event[0]) is not str:
-            raise ValueError(f"{row.event} is no event")
+        event = to_event(row)
+        check_event(event, joints)
         if place < len(body.torques_nm):
             found.append((body.first_tick + place, event))
     return found
@@ -206,7 +206,7 @@ def _answers(said: Channels, joints: Sequence[str], body: Body) -> dict[str, Any
 
 
 def _trajectory(
-    scenario: Scenario, body: Body, events: list[Event], answers: dict[str, Any]
+    scenario: Scenario, body: Body, events: list[Happened], answers: dict[str, Any]
 ) -> Trajectory:
     said = {name: body.free(values) for name, values in answers.items() if name != "said_tick"}
     ended = body.ended
@@ -322,7 +322,7 @@ def _link(told: Sequence[rows.LinkRow], ticks: int, **known: Any) -> LinkHistory
 
 
 def _realtime(
-    said: Channels, scenario: Scenario, said_tick: Integers, events: Sequence[Event]
+    said: Channels, scenario: Scenario, said_tick: Integers, events: Sequence[Happened]
 ) -> RealtimeTimes | None:
     """How boards kept their time; None of a run in lockstep."""
     if cadence_of(scenario) is None:

@@ -14,7 +14,7 @@ in them is taken from what its neighbours have told of it.
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 from deploy.recording.replay import UnplayableError
 from module_agent.assembly import assemble_on_own_time
@@ -25,6 +25,16 @@ from plant_server.session.agenda import Agenda
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.spool.spool import PLANT, Spool
+from protocol.robot.events import (
+    Admission,
+    BoardFault,
+    Consequence,
+    Departure,
+    Event,
+    Midway,
+    Scheduled,
+    check_event,
+)
 from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import (
     NO_TICK,
@@ -39,11 +49,8 @@ from protocol.wire.trace import Lived, Trace
 from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
-FAULT = "fault"
-"""An event that boards tell of; the plant is not asked to make it again."""
 IMPOSSIBLE = AssertionError, LookupError, ProtocolError, TypeError, ValueError
 """What playing comes to that cannot have been as it is recorded."""
-COMMANDS = frozenset({"link", "heal", "reference", "push", "unplug", "plug", "ready", "sensor"})
 
 
 class Life(NamedTuple):
@@ -133,14 +140,8 @@ class PlantReplay:
         Raises one of `IMPOSSIBLE`.
         """
         plant = self.plant
-        for what, *content in record.events:
-            if what == "gone":
-                plant.remove(*content)
-            elif what == "admitted":
-                plant.admit(*content)
-            elif what in COMMANDS:
-                plant.agenda.add(record.tick, [what, *content])
-                plant.begin()
+        for event in record.events:
+            self._happen(event, record.tick)
         observations = dict(plant.open())
         for board, payload in observations.items():
             life = Life(board, plant.roster.incarnations[board])
@@ -152,12 +153,28 @@ class PlantReplay:
                 self.in_force.setdefault(life, {})[frame.tick] = payload
                 plant.answer(board, payload)
         played = plant.close()
-        told = record._replace(events=tuple(event for event in record.events if event[0] != FAULT))
+        # Boards tell of faults; the plant is not asked to make them again.
+        events = (event for event in record.events if not isinstance(event, BoardFault))
+        told = record._replace(events=tuple(events))
         for what in ("angles_rad", "rates_rad_s", "torques_nm", "events"):
             now, then = getattr(played, what), getattr(told, what)
             if now != then and not self.differences:
                 self.differences.append(f"tick {record.tick}: {what} {now}, recorded {then}")
         return observations
+
+    def _happen(self, event: Event, tick: int) -> None:
+        check_event(event, list(self.plant.config.joints))
+        if isinstance(event, Scheduled):
+            self.plant.agenda.add(tick, event)
+            self.plant.begin()
+        elif isinstance(event, Admission):
+            self.plant.admit(event.board, event.incarnation)
+        elif isinstance(event, Departure):
+            self.plant.remove(event.board, event.why)
+        elif isinstance(event, Midway | Consequence):
+            pass  # Nobody is waited for, so that nothing comes midway; the rest comes by itself.
+        else:
+            assert_never(event)
 
     def forget(self) -> None:
         """Let go of what boards were told, and said, so far."""

@@ -18,6 +18,7 @@ from deploy.recording.epochs import epochs_played
 from deploy.recording.trajectory import Floats, Integers
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
+from protocol.robot.events import Admission, Departure, Event, FreshTorque, StaleTorque
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
 from protocol.wire.trace import Lived, Mark, Trace
@@ -25,7 +26,6 @@ from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
 US_PER_MS = 1e3
-STALENESS = frozenset({"torque_stale", "torque_fresh", "gone"})
 """Events after which a board's torque is too old to be applied, or no longer."""
 
 
@@ -119,7 +119,7 @@ class RealtimeRecord(NamedTuple):
     """From the ground up."""
     said_tick: Integers
     """When the torque in force in each tick was said; `NO_TICK`: there was none, (T, N)."""
-    events: Sequence[tuple[int, list[Any]]]
+    events: Sequence[tuple[int, Event]]
     """What happened to the robot, with its tick."""
     account: dict[str, float]
     """What the plant told of its own pace, as the fields below; empty: it did not get to."""
@@ -252,21 +252,23 @@ def _torque_ages_ms(said_ticks: Integers, said_ms: dict[int, float], tick_ms: fl
 def _stale_ticks(record: RealtimeRecord, board: int) -> int:
     """Ticks in which the torque of a board was too old to be applied."""
     ticks, since = 0, None
-    for tick, (what, *about) in record.events:
-        if tick < 0 or about[:1] != [board] or what not in STALENESS:
+    for tick, event in record.events:
+        if tick < 0 or not isinstance(event, StaleTorque | FreshTorque | Departure):
+            continue
+        if event.board != board:
             continue
         if since is not None:
             ticks += tick - since
-        since = tick if what == "torque_stale" else None
+        since = tick if isinstance(event, StaleTorque) else None
     return ticks if since is None else ticks + len(record.said_tick) - since
 
 
-def _presence(events: Sequence[tuple[int, list[Any]]], board: int) -> Callable[[int], bool]:
+def _presence(events: Sequence[tuple[int, Event]], board: int) -> Callable[[int], bool]:
     """Tells of a tick whether a board was on the roster."""
     changes = [
-        (tick, event[0] == "admitted")
+        (tick, isinstance(event, Admission))
         for tick, event in events
-        if event[0] in ("admitted", "gone") and event[1] == board
+        if isinstance(event, Admission | Departure) and event.board == board
     ]
 
     def present(tick: int) -> bool:

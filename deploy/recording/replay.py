@@ -9,7 +9,7 @@ Rule 2: whatever a run went through, typed by hand or struck by the death of a p
 
 from contextlib import redirect_stdout
 from io import TextIOBase
-from typing import Any, NamedTuple
+from typing import NamedTuple, assert_never
 
 from deploy.launch.twin import Twin
 from module_agent.assembly import assemble
@@ -18,14 +18,21 @@ from module_agent.firmware.config import board_config
 from module_agent.firmware.link_model import Fate, LinkModel
 from plant_server.record import TickRecord
 from plant_server.session.agenda import Agenda
-from protocol.robot.commands import Command
+from protocol.robot.events import (
+    Admission,
+    BetweenTicks,
+    Departure,
+    Event,
+    EventError,
+    Excuse,
+    Midway,
+    MidwayDeparture,
+    Scheduled,
+    Why,
+    check_event,
+)
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import Observation, ProtocolError, TorqueFrame, decode
-
-MIDWAY = frozenset({"gone_midway", "excused"})
-"""Events of an open tick; the others come between two ticks."""
-CONSEQUENCES = frozenset({"energy_lost_j", "fault", "sides", "tipping"})
-"""Events that follow from others: computed again, not carried out."""
 
 Link = tuple[int, int]
 """A directed link: sender and receiver."""
@@ -99,13 +106,14 @@ class Replay(Twin):
         if not self.everybody:
             self._name(recorded)
         for event in recorded.events:
-            if event[0] not in MIDWAY | CONSEQUENCES:
+            self._check(event)
+            if isinstance(event, BetweenTicks):
                 self._before(event)
         newcomers = frozenset(lockstep.roster.newcomers)
         observations = dict(lockstep.open())
         incarnations = tuple(lockstep.roster.incarnations)
         for event in recorded.events:
-            if event[0] in MIDWAY:
+            if isinstance(event, Midway):
                 self._midway(event, observations)
         with redirect_stdout(NOWHERE):
             told, links = self._answer(observations)
@@ -149,45 +157,39 @@ class Replay(Twin):
         for answer in filter(None, recorded.answers):
             self.run_id = self.lockstep.run_id = decode(TorqueFrame, answer).run_id
 
-    def _before(self, event: list[Any]) -> None:
-        """Carry out what happened between two ticks."""
-        match event:
-            case ["admitted", int(board), int(incarnation)] if self._exists(board):
-                self._admit(board, incarnation)
-            case ["gone", int(board), str(why)] if self._exists(board):
-                self._lose(board, why)
-            case (
-                ["push", int(board), int() | float(), int()]
-                | ["reference", int(board), int() | float()]
-                | ["unplug" | "plug" | "ready", int(board)]
-                | ["sensor", int(board), str(), str(), int() | float(), int()]
-            ) if self._exists(board):
-                self._obey(event)
-            case ["link", list(), dict()] | ["heal", list()]:
-                self._obey(event)
-            case _:
-                raise UnplayableError(f"{event!r} cannot have happened")
-
-    def _obey(self, command: Command) -> None:
-        self.lockstep.agenda.add(self.lockstep.tick, command)
+    def _check(self, event: Event) -> None:
         try:
-            self.lockstep.begin()
-        except (TypeError, ValueError, LookupError) as error:
-            raise UnplayableError(f"{command!r} cannot have happened: {error}") from error
+            check_event(event, self.scenario.joints)
+        except EventError as error:
+            raise UnplayableError(f"{event!r} cannot have happened: {error}") from error
 
-    def _midway(self, event: list[Any], observations: dict[int, bytes]) -> None:
+    def _before(self, event: BetweenTicks) -> None:
+        """Carry out what happened between two ticks."""
+        if isinstance(event, Scheduled):
+            self.lockstep.agenda.add(self.lockstep.tick, event)
+            self.lockstep.begin()
+            return
+        match event:
+            case Admission(board, incarnation):
+                self._admit(board, incarnation)
+            case Departure(board, why):
+                self._lose(board, why)
+            case _:
+                assert_never(event)
+
+    def _midway(self, event: Midway, observations: dict[int, bytes]) -> None:
         """Carry out what happened while the tick was open."""
         match event:
-            case ["gone_midway", int(board), str(why)] if board in observations:
+            case MidwayDeparture(board, why):
+                if observations.pop(board, None) is None:
+                    raise UnplayableError(f"{event!r} cannot have happened")
                 self._lose(board, why)
-                del observations[board]
-            case ["excused", int(sender), int(receiver)] if receiver in observations:
+            case Excuse(sender, receiver):
+                if receiver not in observations:
+                    raise UnplayableError(f"{event!r} cannot have happened")
                 observations[receiver] = self.lockstep.excuse(sender, receiver)
             case _:
-                raise UnplayableError(f"{event!r} cannot have happened")
-
-    def _exists(self, board: int) -> bool:
-        return 0 <= board < len(self.boards)
+                assert_never(event)
 
     def _plug(self, board: int) -> None:
         """Put in nobody: who came, and when, is in the recording."""
@@ -207,7 +209,7 @@ class Replay(Twin):
         self.everybody.append(firmware)
         self.lockstep.admit(board, incarnation)
 
-    def _lose(self, board: int, why: str) -> None:
+    def _lose(self, board: int, why: Why) -> None:
         self.boards[board] = None
         self.witnesses[board] = []
         self.lockstep.remove(board, why)

@@ -11,8 +11,9 @@ from typing import Any
 from deploy.recording.files import UnreadableError, is_mcap, recording_file
 from deploy.recording.mcap.file import read_mcap
 from deploy.recording.replay import Replay
-from plant_server.record import Outcome, TickRecord
+from plant_server.record import Outcome
 from plant_server.spool.spool import PLANT, Spool, read_spool
+from protocol.robot.events import check_event
 from protocol.wire.frames import LinkFrame, ProtocolError, decode
 from protocol.wire.trace import LastWord, Trace
 from protocol.wire.trace_differences import decode_told
@@ -44,7 +45,8 @@ def _check(spool: Spool) -> None:
         if record.tick != tick:
             raise ValueError(f"after tick {tick - 1} comes tick {record.tick}")
         _check_sizes(f"tick {tick}", record[1:5], joints)
-        _check_events(record)
+        for event in record.events:
+            check_event(event, spool.scenario.joints)
     _check_realtime(spool, joints)
     for walls in filter(None, spool.walls):
         _check_sizes("a wall time", [walls.answered_ns], joints)
@@ -92,9 +94,3 @@ def _check_outcome(outcome: Outcome, ticks: int, joints: int) -> None:
 def _check_sizes(whose: str, parts: Sequence[Sequence[Any]], joints: int) -> None:
     if {len(part) for part in parts} != {joints}:
         raise ValueError(f"{whose} is not of {joints} joints")
-
-
-def _check_events(record: TickRecord) -> None:
-    for event in record.events:
-        if type(event) is not list or not event or type(event[0]) is not str:
-            raise ValueError(f"tick {record.tick} has {event!r} for an event")

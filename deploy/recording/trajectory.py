@@ -3,13 +3,13 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant_server.record import Outcome, TickRecord
 from plant_server.spool.spool import Spool
+from protocol.robot.events import Event
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_EPOCH, TorqueFrame, decode
 
@@ -32,7 +32,7 @@ class Trajectory:
 
     scenario: Scenario
     """Values of the resolved scenario."""
-    events: list[tuple[int, list[Any]]]
+    events: list[tuple[int, Event]]
     """What happened to the robot, with its tick; boards that came in warm-up have negative ones."""
     ending: str
     wall_s: float

@@ -10,16 +10,16 @@ A link is named by its two joints, or "all". With `one_way` only frames from the
 to the second's are meant.
 """
 
-import json
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, assert_never
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from deploy.scenario_file.sensor_faults import FaultAmounts, fault_amount
 from deploy.scenario_file.ticks import MeaningError, whole
-from protocol.robot.commands import DELAY_TICKS_MAX, PERFECT, Command
+from protocol.robot import events
+from protocol.robot.events import DELAY_TICKS_MAX, PERFECT, Command, EventError, Pairs
 from protocol.robot.scenario import LinkFaults
 from protocol.robot.sensors import ALL, Faultable, FaultKind
 
@@ -170,16 +170,13 @@ class Body(NamedTuple):
     ticks: int
 
 
-Pairs = list[list[int]]
-
-
 def directed_pairs(link: str, joints: Sequence[str], *, one_way: bool) -> Pairs:
-    """Directed links [sender, receiver] that a name stands for; [] stands for all.
+    """Directed links (sender, receiver) that a name stands for; none stand for all.
 
     Raises `MeaningError`.
     """
     if link == "all":
-        return []
+        return ()
     one, dash, other = link.partition("-")
     if not dash:
         raise MeaningError(f"link: {link!r} is no link; write it like {'-'.join(joints[:2])}")
@@ -190,11 +187,17 @@ def directed_pairs(link: str, joints: Sequence[str], *, one_way: bool) -> Pairs:
     sender, receiver = (joints.index(name) for name in names)
     if abs(sender - receiver) != 1:
         raise MeaningError(f"link: {names[0]} and {names[1]} are no neighbours")
-    return [[sender, receiver]] if one_way else [[sender, receiver], [receiver, sender]]
+    there, back = (sender, receiver), (receiver, sender)
+    return (there,) if one_way else (there, back)
+
+
+def all_pairs(boards: int) -> Pairs:
+    """Every directed link of a robot."""
+    return tuple((a, b) for a in range(boards) for b in (a - 1, a + 1) if 0 <= b < boards)
 
 
 def changes(table: Faulty, body: Body) -> dict[str, float]:
-    """Give the parameters of a link as `protocol.robot.commands.LinkParameters` has them."""
+    """Give the parameters of a link as `protocol.robot.events.LinkParameters` has them."""
     found = {}
     for name, value in table.model_dump(include=set(Faulty.model_fields)).items():
         if value is None:
@@ -209,20 +212,20 @@ def changes(table: Faulty, body: Body) -> dict[str, float]:
     return found
 
 
-def standing_links(table: StandingLink, body: Body) -> list[list[Any]]:
-    """Resolve a `[[link]]` table to `[sender, receiver, changes]` for each directed link."""
-    size = len(body.joints)
-    everywhere = [[a, b] for a in range(size) for b in (a - 1, a + 1) if 0 <= b < size]
-    pairs = directed_pairs(table.link, body.joints, one_way=table.one_way) or everywhere
-    return [[*pair, changes(table, body)] for pair in pairs]
+def standing_links(table: StandingLink, body: Body) -> list[LinkFaults]:
+    """Resolve a `[[link]]` table, for each directed link."""
+    pairs = directed_pairs(table.link, body.joints, one_way=table.one_way)
+    return [
+        LinkFaults(*pair, changes(table, body)) for pair in pairs or all_pairs(len(body.joints))
+    ]
 
 
 def merged_links(tables: Sequence[StandingLink], body: Body) -> list[LinkFaults]:
     """Resolve all `[[link]]` tables: one entry for each directed link, later tables on top."""
     found: dict[tuple[int, int], dict[str, float]] = {}
     for table in tables:
-        for sender, receiver, new in standing_links(table, body):
-            found.setdefault((sender, receiver), {}).update(new)
+        for link in standing_links(table, body):
+            found.setdefault((link.sender, link.receiver), {}).update(link.changes)
     return [LinkFaults(*pair, new) for pair, new in sorted(found.items())]
 
 
@@ -233,24 +236,41 @@ def commands(
     tick = whole(event.at_s * 1e3, body.tick_ms, "at_s")
     if tick >= body.ticks:
         raise MeaningError(f"at_s: {event.at_s:g} s is not before the end of the run")
+    if isinstance(event, Cut | Faults):
+        found = _for_a_while(event, tick, standing, body)
+    else:
+        found = [(tick, _command(event, body))]
+    try:
+        for _, command in found:
+            events.check_event(command, list(body.joints))
+    except EventError as error:
+        raise MeaningError(str(error)) from error
+    return found
+
+
+def _command(event: "Heal | Push | Reference | SensorFault | Plugging", body: Body) -> Command:
+    """The one command that an event becomes."""
+    command: Command
     match event:
-        case Cut() | Faults():
-            return _for_a_while(event, tick, standing, body)
         case Heal():
-            return [
-                (tick, ["heal", directed_pairs(event.link, body.joints, one_way=event.one_way)])
-            ]
+            command = events.LinkRepair(
+                directed_pairs(event.link, body.joints, one_way=event.one_way)
+            )
         case Push():
-            segment = _index(event.segment, body.segments, "segment")
+            link = _index(event.segment, body.segments, "segment")
             ticks = whole(event.duration_s * 1e3, body.tick_ms, "duration_s")
-            return [(tick, ["push", segment, float(event.force_n), ticks])]
+            command = events.Push(link, float(event.force_n), ticks)
         case Reference():
             rad = math.radians(event.reference_deg)
-            return [(tick, ["reference", _index(event.joint, body.joints, "joint"), rad])]
+            command = events.ReferenceChange(_index(event.joint, body.joints, "joint"), rad)
         case SensorFault():
-            return [(tick, _sensor_command(event, body))]
+            command = _sensor_fault(event, body)
         case Plugging():
-            return [(tick, [event.do, _index(event.joint, body.joints, "joint")])]
+            board = _index(event.joint, body.joints, "joint")
+            command = events.Plug(board) if event.do == "plug" else events.Unplug(board)
+        case _:
+            assert_never(event)
+    return command
 
 
 def _for_a_while(
@@ -259,22 +279,23 @@ def _for_a_while(
     """Change links, and change them back to how the scenario has them for good."""
     pairs = directed_pairs(event.link, body.joints, one_way=event.one_way)
     new = {"cut": 1.0} if isinstance(event, Cut) else changes(event, body)
-    found: list[tuple[int, Command]] = [(tick, ["link", pairs, new])]
+    found: list[tuple[int, Command]] = [(tick, events.LinkChange(pairs, new))]
     if event.duration_s is None:
         return found
     end = tick + whole(event.duration_s * 1e3, body.tick_ms, "duration_s")
-    back: dict[str, Pairs] = {}
-    size = len(body.joints)
-    for pair in pairs or [[a, b] for a in range(size) for b in (a - 1, a + 1) if 0 <= b < size]:
-        old = {name: getattr(PERFECT, name) for name in new}
-        for link in standing:
-            if [link.sender, link.receiver] == pair:
-                old |= {name: link.changes[name] for name in new if name in link.changes}
-        back.setdefault(json.dumps(old, sort_keys=True), []).append(pair)
-    return [*found, *((end, ["link", pairs, json.loads(old)]) for old, pairs in back.items())]
+    before = {(link.sender, link.receiver): link.changes for link in standing}
+    back: dict[tuple[float, ...], list[tuple[int, int]]] = {}
+    for pair in pairs or all_pairs(len(body.joints)):
+        old = before.get(pair, {})
+        values = tuple(old.get(name, getattr(PERFECT, name)) for name in new)
+        back.setdefault(values, []).append(pair)
+    return found + [
+        (end, events.LinkChange(tuple(pairs), dict(zip(new, values, strict=True))))
+        for values, pairs in back.items()
+    ]
 
 
-def _sensor_command(event: SensorFault, body: Body) -> Command:
+def _sensor_fault(event: SensorFault, body: Body) -> events.SensorFault:
     board = _index(event.joint, body.joints, "joint")
     if event.sensor not in (*body.sensors[board], ALL):
         raise MeaningError(f"sensor: {event.joint} has no {event.sensor}")
@@ -282,7 +303,7 @@ def _sensor_command(event: SensorFault, body: Body) -> Command:
     ticks = 0
     if event.duration_s is not None:
         ticks = max(1, whole(event.duration_s * 1e3, body.tick_ms, "duration_s"))
-    return ["sensor", board, event.sensor, event.fault, amount, ticks]
+    return events.SensorFault(board, event.sensor, event.fault, amount, ticks)
 
 
 def _index(name: str, names: Sequence[str], key: str) -> int:

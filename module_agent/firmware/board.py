@@ -13,7 +13,7 @@ it (`module_agent.assembly`); the clock of its ticks may be the plant's or its o
 from collections import Counter
 from collections.abc import Callable
 from math import fabs
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 from module_agent.firmware.body_view import BodySample, BodyView, Turn
 from module_agent.firmware.config import BoardConfig
@@ -23,7 +23,7 @@ from module_agent.firmware.frame_writer import FrameWriter, Statement
 from module_agent.firmware.hearing import LinkEnd
 from module_agent.firmware.lateness import Lateness
 from module_agent.firmware.sensing import Sensing
-from protocol.robot.commands import ANY, LINK, LinkParameters, decode_board_command
+from protocol.robot.events import ANY, LinkOrder, ReferenceOrder, decode_board_command
 from protocol.robot.scenario import Controls
 from protocol.robot.states import COUNTERS, Counters, State, entered
 from protocol.wire.frames import NO_EPOCH, Observation, ProtocolError, Reason, decode
@@ -210,14 +210,17 @@ class Board:
     def obey(self, payload: bytes) -> None:
         """Do what the plant has been told to have this board do."""
         command = decode_board_command(payload)
-        if command is None:
-            self.refused[Reason.MALFORMED] += 1
-        elif command.kind == LINK:
-            for sender, end in zip(self.config.neighbours, self.hearings, strict=True):
-                if command.sender in (sender, ANY):
-                    end.link.change(LinkParameters(*command.values))
-        else:
-            (self.reference_rad,) = command.values
+        match command:
+            case None:
+                self.refused[Reason.MALFORMED] += 1
+            case LinkOrder():
+                for sender, end in zip(self.config.neighbours, self.hearings, strict=True):
+                    if command.sender in (sender, ANY):
+                        end.link.change(command.parameters)
+            case ReferenceOrder():
+                self.reference_rad = command.reference_rad
+            case _:
+                assert_never(command)
 
     def _hear(self, tick: int, round_: int, observation: Observation) -> list[Heard]:
         """Use what arrives in this tick: bodies for the view, gossip for the election."""

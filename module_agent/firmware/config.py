@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from protocol.robot.cadence import Cadence, cadence_of
-from protocol.robot.commands import LinkParameters
+from protocol.robot.events import LinkParameters
 from protocol.robot.hardware import STEADY, ClockSheet, Link, ServoGains
 from protocol.robot.scenario import Controls, OutsideClass, Scenario
 from protocol.robot.sensors import EXACT, SensorSheet

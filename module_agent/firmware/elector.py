@@ -20,7 +20,7 @@ from module_agent.firmware.election import Election, Gossip, Heard
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LinkModel
 from protocol.robot.chance import draw
-from protocol.robot.commands import PERFECT
+from protocol.robot.events import PERFECT
 from protocol.wire.frames import NO_TICK, LinkFrame, Neighbour, encode
 
 RIG = "electors"

@@ -9,7 +9,7 @@ Rule 2: one hash, specified with test vectors in `protocol/README.md`, is all th
 from typing import NamedTuple
 
 from protocol.robot.chance import draw
-from protocol.robot.commands import PERFECT, LinkParameters
+from protocol.robot.events import PERFECT, LinkParameters
 
 BURST, LOSS, BURST_LOSS, CORRUPT, JITTER, REORDER, DUPLICATE, DUPLICATE_JITTER, BIT = range(9)
 """What a draw is for; each has a number of its own, so that none disturbs another."""

@@ -4,7 +4,10 @@ A push is a horizontal force at a link's centre of mass. What the body stands on
 moves, is `plant_server.body.support`.
 """
 
+from typing import assert_never
+
 from plant_server.body.body import Body
+from protocol.robot.events import Disturbance, Push
 
 
 class Disturbances:
@@ -14,9 +17,13 @@ class Disturbances:
         self._pushes: list[tuple[int, float, int]] = []
         """Link, force in N, and how many ticks are left."""
 
-    def push(self, link: int, force_n: float, ticks: int) -> None:
-        """Push from the next tick that passes."""
-        self._pushes.append((link, force_n, ticks))
+    def begin(self, disturbance: Disturbance) -> None:
+        """Let one act from the next tick that passes."""
+        match disturbance:
+            case Push():
+                self._pushes.append((disturbance.link, disturbance.force_n, disturbance.ticks))
+            case _:
+                assert_never(disturbance)
 
     def act_on(self, body: Body) -> None:
         """Let them act on the body during a tick, which thereby has passed."""

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from typing import NamedTuple, assert_never
 
 from protocol.robot.chance import GARBAGE, INTERMITTENT, Chance
+from protocol.robot.events import SensorFault
 from protocol.robot.sensors import (
     ALL,
     FULL_SCALES,
     PLACES,
-    Faultable,
     FaultKind,
     Readings,
     SensorName,
@@ -48,15 +48,14 @@ class SensorFaults:
         self._every_ticks = every_ticks
         self._faults: dict[SensorName, ActiveFault] = {}
 
-    def obey(
-        self, tick: int, sensor: Faultable, kind: FaultKind, amount: float, ticks: int
-    ) -> None:
-        """Let a sensor be faulty from a tick on, for some ticks or (0) for good."""
+    def obey(self, tick: int, command: SensorFault) -> None:
+        """Let a sensor be faulty from a tick on, for some ticks or for good."""
+        kind, amount, sensor = command.fault, command.amount, command.sensor
         for name in self._has if sensor == ALL else (sensor,):
             self._faults.pop(name, None)
             if kind != "ok":
                 kept = self._readings_in(amount) + 1 if kind == "delayed" else 1
-                until_tick = tick + ticks if ticks else None
+                until_tick = tick + command.ticks if command.ticks else None
                 self._faults[name] = ActiveFault(kind, amount, tick, until_tick, deque(maxlen=kept))
 
     def active(self, tick: int) -> dict[SensorName, FaultKind]:

@@ -18,7 +18,7 @@ from plant_server.body.body import Body
 from plant_server.hardware.sensor_faults import SensorFaults
 from protocol.robot.chance import Chance
 from protocol.robot.clocks import Clock
-from protocol.robot.commands import Command
+from protocol.robot.events import SensorFault
 from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import (
     EXACT,
@@ -196,9 +196,9 @@ class Sensors:
         if instruments is not None and instruments.differentiator is not None:
             instruments.differentiator.restart()
 
-    def obey(self, tick: int, command: Command) -> None:
-        """Carry out a "sensor" command. The fault is the joint's: it outlives its board."""
-        _, board, sensor, kind, amount, ticks = command
+    def obey(self, tick: int, command: SensorFault) -> None:
+        """Let a sensor fail, or be whole again. The fault is the joint's: it outlives its board."""
+        board = command.board
         if board not in self._faults:
             chance = Chance(seed=self._seed, board=board)
             self._faults[board] = SensorFaults(
@@ -207,7 +207,7 @@ class Sensors:
                 every_ticks=self._ticks_per_period[board],
             )
             self._special.add(board)
-        self._faults[board].obey(tick, sensor, kind, amount, ticks)
+        self._faults[board].obey(tick, command)
 
     def faults(self, board: int, tick: int) -> dict[SensorName, FaultKind]:
         """Which sensors of a board are faulty in a tick, and how."""

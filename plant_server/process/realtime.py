@@ -22,6 +22,7 @@ from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.spool.spool import PLANT, SpoolWriter
 from protocol.process.stopping import undisturbed
+from protocol.robot.events import Plug, StaleTorque, Unplug
 from protocol.robot.scenario import Scenario
 from protocol.wire import keys
 from protocol.wire.wiring import Rig
@@ -120,10 +121,10 @@ class RealtimeRuntime(PacedRuntime):
         self._await_due()
         lockstep = self.lockstep
         match lockstep.begin():
-            case ["unplug", int(board)] if lockstep.roster.present(board):
+            case Unplug(board) if lockstep.roster.present(board):
                 self._unplugging = board
                 self._say(f"kill {self.joints[board]}")
-            case ["plug", int(board)] if not lockstep.roster.present(board):
+            case Plug(board) if not lockstep.roster.present(board):
                 self._say(f"start {self.joints[board]}")
         for board in sorted(self._newcomers):
             if self._connected(board) and not lockstep.agenda.expects_plug(board):
@@ -144,8 +145,8 @@ class RealtimeRuntime(PacedRuntime):
                 self.recorder.keep(record, walls)
                 self.recorder.write(())
         for event in record.events:
-            if event[0] == "torque_stale":
-                self._complain(event[1])
+            if isinstance(event, StaleTorque):
+                self._complain(event.board)
         now_s = time.monotonic()
         if now_s > self.watch.storms.due_s:
             self.watch.tell_storms(now_s, lockstep, self._tell)

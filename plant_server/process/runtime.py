@@ -22,6 +22,7 @@ from plant_server.session.watch import ENROLMENT_REQUESTS, Watch
 from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import StoppedError, undisturbed
+from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario
 from protocol.wire import keys
 from protocol.wire.enrolment import Verdict, decode_request, encode_enrolment
@@ -107,9 +108,9 @@ class Runtime:
     def _boundary(self) -> None:
         """Between two ticks: boards come and go."""
         match self.lockstep.begin():
-            case ["unplug", int(board)] if self.lockstep.roster.present(board):
+            case Unplug(board) if self.lockstep.roster.present(board):
                 self._unplug(board)
-            case ["plug", int(board)] if not self.lockstep.roster.present(board):
+            case Plug(board) if not self.lockstep.roster.present(board):
                 self._say(f"start {self.joints[board]}")
                 self._wait_for(board)
                 self._admit(board)

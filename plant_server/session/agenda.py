@@ -2,14 +2,14 @@
 
 Rule: a command is due at its tick or, when others are before it, as soon as they are done.
 
-Besides what scenarios and terminals say, the plant itself puts down `["ready", board]`: the board
-that was plugged in a while ago has started up.
+Besides what scenarios and terminals say, the plant itself puts down `Ready`: the board that was
+plugged in a while ago has started up.
 """
 
 from bisect import bisect, insort
 from typing import NamedTuple
 
-from protocol.robot.commands import Command
+from protocol.robot.events import Plug, Ready, Scheduled
 
 
 class Entry(NamedTuple):
@@ -17,19 +17,19 @@ class Entry(NamedTuple):
 
     tick: int
     number: int
-    command: Command
+    command: Scheduled
 
 
 class Agenda:
     """Commands that have yet to be carried out."""
 
-    def __init__(self, scheduled: list[tuple[int, Command]]) -> None:
+    def __init__(self, scheduled: list[tuple[int, Scheduled]]) -> None:
         self._entries: list[Entry] = []
         self._number = 0
         for tick, command in scheduled:
             self.add(tick, command)
 
-    def add(self, tick: int, command: Command) -> None:
+    def add(self, tick: int, command: Scheduled) -> None:
         """Schedule a command for a tick."""
         insort(self._entries, Entry(tick, self._number, command))
         self._number += 1
@@ -40,17 +40,17 @@ class Agenda:
 
     def expects_plug(self, board: int) -> bool:
         """Whether a board is to be put in later; until then it has to wait."""
-        return self.holds(["plug", board]) or self.holds(["ready", board])
+        return self.holds(Plug(board)) or self.holds(Ready(board))
 
-    def holds(self, command: Command) -> bool:
+    def holds(self, command: Scheduled) -> bool:
         """Whether a command has yet to be carried out."""
         return any(entry.command == command for entry in self._entries)
 
-    def cancel(self, command: Command) -> None:
+    def cancel(self, command: Scheduled) -> None:
         """Take a command off the agenda."""
         self._entries = [entry for entry in self._entries if entry.command != command]
 
-    def due(self, tick: int) -> Command | None:
+    def due(self, tick: int) -> Scheduled | None:
         """Take the command of this tick, if there is one."""
         if self._entries and self._entries[0].tick <= tick:
             return self._entries.pop(0).command

@@ -1,11 +1,10 @@
 """Attendance: which joints are driven by a board, and what the others do meanwhile (S17)."""
 
-from typing import Any
-
 from plant_server.body.body import Body
 from plant_server.record import Undriven
 from plant_server.session.config import PlantConfig
 from plant_server.session.roster import Roster
+from protocol.robot.events import EnergyLoss
 from protocol.robot.hardware import Unattended
 from protocol.robot.states import State
 from protocol.wire.frames import TorqueFrame
@@ -33,13 +32,13 @@ class Attendance:
         if frame is not None and frame.state not in NOT_YET:
             self.drive(board)
 
-    def leave(self, board: int, tick: int) -> list[Any] | None:
+    def leave(self, board: int, tick: int) -> EnergyLoss | None:
         """Leave a joint alone; what happened to the body by it, if anything."""
         if self.undriven_since[board] is None:
             self.undriven_since[board] = tick
         match self.config.unattended[board]:
             case Unattended(how="braked"):
-                return ["energy_lost_j", board, self.body.brake(board)]
+                return EnergyLoss(board, self.body.brake(board))
             case Unattended(how="passive", stiffness_nm_rad=stiffness, damping_nm_s_rad=damping):
                 self.body.make_passive(board, stiffness, damping)
             case _:

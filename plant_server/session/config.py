@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from plant_server.body.body import Spring
 from protocol.robot.cadence import Cadence, cadence_of
-from protocol.robot.commands import Command, LinkParameters
+from protocol.robot.events import Command, LinkParameters
 from protocol.robot.hardware import (
     ClockSheet,
     FootSheet,

@@ -5,13 +5,25 @@ for the next tick, and the answer says for which.
 """
 
 import json
-from typing import Any
+from typing import Any, assert_never
 from zlib import compress
 
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.watch import Watch
-from protocol.robot.commands import PERFECT, Command, CommandError, check_command
+from protocol.robot.events import (
+    PERFECT,
+    Command,
+    Disturbance,
+    EventError,
+    LinkCommand,
+    Plug,
+    ReferenceChange,
+    SensorFault,
+    Unplug,
+    check_event,
+    command_of,
+)
 from protocol.robot.sensors import ALL
 from protocol.robot.states import State
 from protocol.wire.frames import VERSION, ProtocolError, unseal
@@ -35,10 +47,10 @@ def answer(
         elif request == STATUS:
             reply = status(lockstep, watch or Watch(joints))
         else:
-            command = json.loads(request)
-            check_command(command, joints)
+            command = command_of(json.loads(request))
+            check_event(command, joints)
             reply = {"tick": _schedule(lockstep, joints, command)}
-    except (ProtocolError, CommandError, ValueError, TypeError) as error:
+    except (ProtocolError, ValueError, TypeError) as error:
         reply = {"refused": str(error)}
     return compress(json.dumps(reply).encode())
 
@@ -143,21 +155,27 @@ def _schedule(lockstep: Lockstep, joints: list[str], command: Command) -> int:
     tick = lockstep.tick + 1
     turn = lockstep.agenda.turn(tick)
     if turn >= lockstep.config.ticks:
-        raise CommandError(f"the run is over at tick {lockstep.config.ticks}")
+        raise EventError(f"the run is over at tick {lockstep.config.ticks}")
     _check_effect(lockstep, joints, command)
     lockstep.agenda.add(tick, command)
     return turn
 
 
 def _check_effect(lockstep: Lockstep, joints: list[str], command: Command) -> None:
+    if isinstance(command, LinkCommand | Disturbance):
+        return
+    board, roster = command.board, lockstep.roster
     match command:
-        case ["unplug", board] if not lockstep.roster.present(board):
-            raise CommandError(f"{joints[board]} is not plugged in")
-        case ["sensor", board, sensor, *_] if sensor not in (*lockstep.config.sensors[board], ALL):
-            raise CommandError(f"{joints[board]} has no {sensor}")
-        case ["plug", board] if lockstep.start_up.under_way(board):
-            raise CommandError(f"{joints[board]} is starting up already")
-        case ["plug", board] if lockstep.roster.present(board):
-            raise CommandError(f"{joints[board]} is plugged in already")
-        case ["reference", board, _] if not lockstep.roster.present(board):
-            raise CommandError(f"{joints[board]} is not plugged in")
+        case Unplug() | ReferenceChange():
+            if not roster.present(board):
+                raise EventError(f"{joints[board]} is not plugged in")
+        case SensorFault(sensor=sensor):
+            if sensor not in (*lockstep.config.sensors[board], ALL):
+                raise EventError(f"{joints[board]} has no {sensor}")
+        case Plug():
+            if lockstep.start_up.under_way(board):
+                raise EventError(f"{joints[board]} is starting up already")
+            if roster.present(board):
+                raise EventError(f"{joints[board]} is plugged in already")
+        case _:
+            assert_never(command)

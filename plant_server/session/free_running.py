@@ -25,6 +25,7 @@ from plant_server.record import TickRecord
 from plant_server.session.answers import read_answer
 from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
+from protocol.robot.events import FreshTorque, StaleTorque
 from protocol.wire.frames import ProtocolError, Reason, TorqueFrame, encode
 from protocol.wire.trace import LastWord, Mark
 from protocol.wire.trace_differences import decode_told
@@ -130,7 +131,7 @@ class FreeRunning(Lockstep):
         stale = self.tick - self.said_ticks[board] > self.cadence.age_ticks_max
         if stale != self._stale[board]:
             self._stale[board] = stale
-            self._events.append(["torque_stale" if stale else "torque_fresh", board])
+            self._events.append(StaleTorque(board) if stale else FreshTorque(board))
         if not stale:
             return self._in_force[board]
         self.stale_ticks[board] += 1

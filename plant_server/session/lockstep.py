@@ -17,7 +17,7 @@ Rule 4: what happens to the body happens between two ticks. A joint that loses i
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any
+from typing import assert_never
 
 from plant_server.body.articulated import chain_of
 from plant_server.body.body import Body
@@ -32,7 +32,26 @@ from plant_server.session.config import PlantConfig
 from plant_server.session.roster import Roster
 from plant_server.session.start_up import StartUp
 from plant_server.session.telemetry import Failure, Telemetry
-from protocol.robot.commands import Command
+from protocol.robot.events import (
+    Admission,
+    BoardFault,
+    Departure,
+    Disturbance,
+    Event,
+    Excuse,
+    LinkCommand,
+    MidwayDeparture,
+    Plug,
+    Plugging,
+    Ready,
+    ReferenceChange,
+    Scheduled,
+    SensorFault,
+    Sides,
+    Tipping,
+    Unplug,
+    Why,
+)
 from protocol.wire.frames import Observation, ProtocolError, Reason, TorqueFrame, encode
 from protocol.wire.wiring import neighbours
 
@@ -70,14 +89,14 @@ class Lockstep:
         self.telemetry = Telemetry(self.size)
         self.latest: list[TorqueFrame | None] = [None] * self.size
         """The last answer of each board, for whoever wants to know how it is."""
-        self._events: list[list[Any]] = []
+        self._events: list[Event] = []
         self._answers: list[bytes | None] = [None] * self.size
         self._attendance = Attendance(config, self.body)
         self._given: dict[int, Observation] = {}
         """What each board was told in the open tick; empty between two ticks."""
         self._left: set[int] = set()
         """Boards that are gone since the tick was opened, and did not answer it."""
-        self._leaving: dict[int, str] = {}
+        self._leaving: dict[int, Why] = {}
         """Boards that are gone since they answered the open tick, and why."""
         self._disturbances = Disturbances()
         self._sides = [list(range(self.size))]
@@ -97,29 +116,39 @@ class Lockstep:
         """Boards that have not answered the open tick."""
         return [i for i, answer in enumerate(self._answers) if answer is None]
 
-    def begin(self) -> Command | None:
+    def begin(self) -> Plugging | None:
         """Look at what is due before the tick is opened.
 
-        Returns an "unplug" or "plug" command, for the driver to carry out with `remove` or `admit`.
+        Returns what is for the driver to carry out, with `remove` or `admit`.
         """
         command = self.agenda.due(self.tick)
         if command is None:
             return None
         self._events.append(command)
+        return self._obey(command)
+
+    def _obey(self, command: Scheduled) -> Plugging | None:
+        if isinstance(command, LinkCommand):
+            self.roster.change(command)
+            return None
+        if isinstance(command, Disturbance):
+            self._disturbances.begin(command)
+            return None
         match command:
-            case ["plug", board]:
-                return self.start_up.plug(board, self.tick, present=self.roster.present(board))
-            case ["ready", board]:
-                return ["plug", board]
-            case ["unplug", board]:
-                self.start_up.unplug(board)
-                return command
-            case ["push", link, force_n, ticks]:
-                self._disturbances.push(link, force_n, ticks)
-            case ["sensor", *_]:
+            case ReferenceChange():
+                self.roster.refer(command)
+            case SensorFault():
                 self.sensors.obey(self.tick, command)
+            case Plug():
+                board = command.board
+                return self.start_up.plug(board, self.tick, present=self.roster.present(board))
+            case Ready():
+                return Plug(command.board)
+            case Unplug():
+                self.start_up.unplug(command.board)
+                return command
             case _:
-                self.roster.obey(command)
+                assert_never(command)
         return None
 
     def admit(self, board: int, incarnation: int) -> None:
@@ -128,9 +157,9 @@ class Lockstep:
         self.sensors.restart(board)
         if self.tick == -self.config.warm_up_ticks:
             self._attendance.drive(board)
-        self._events.append(["admitted", board, incarnation])
+        self._events.append(Admission(board, incarnation))
 
-    def remove(self, board: int, why: str) -> None:
+    def remove(self, board: int, why: Why) -> None:
         """Take a board off the roster: at once, or after the tick that it has answered (S5)."""
         if not self.roster.present(board):
             return
@@ -143,7 +172,7 @@ class Lockstep:
         self.telemetry.forget(board)
         self.actuators.forget(board)
         # A board that has been given its observation may have acted on it before it went.
-        self._events.append(["gone_midway" if self._given else "gone", board, why])
+        self._events.append(MidwayDeparture(board, why) if self._given else Departure(board, why))
         if self._given:
             self._left.add(board)
         else:
@@ -161,7 +190,7 @@ class Lockstep:
             completed_tick = min(about[link].completed_tick, self.tick - 2)
             about[link] = about[link]._replace(completed_tick=completed_tick, waits=0)
             self._given[receiver] = given._replace(neighbours=tuple(about))
-            self._events.append(["excused", sender, receiver])
+            self._events.append(Excuse(sender, receiver))
         return self.observation(receiver)
 
     def observation(self, board: int) -> bytes:
@@ -213,7 +242,7 @@ class Lockstep:
             self.refuse(board, error.reason)
             return None
         if failure is not None:
-            self._events.append(["fault", board, int(failure.code), failure.text])
+            self._events.append(BoardFault(board, failure.code, failure.text))
         return failure
 
     def refuse(self, board: int, reason: Reason) -> None:
@@ -231,7 +260,7 @@ class Lockstep:
             was_tipping = self.actuators.tipping
             applied = self.actuators.torques_nm(self.body, self._attendance.undriven_since)
             if self.actuators.tipping != was_tipping:
-                self._events.append(["tipping", not was_tipping])
+                self._events.append(Tipping(not was_tipping))
             self._disturbances.act_on(self.body)
         record = TickRecord(
             self.tick,
@@ -277,7 +306,7 @@ class Lockstep:
         sides = self.roster.sides()
         if sides != self._sides:
             self._sides = sides
-            self._events.append(["sides", sides])
+            self._events.append(Sides(tuple(map(tuple, sides))))
 
     def _observation(self, board: int) -> Observation:
         return Observation(

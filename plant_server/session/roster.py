@@ -7,17 +7,18 @@ Rule 2: a board that is put in finds out from the plant what has been changed si
 from collections import deque
 from collections.abc import Sequence
 
-from protocol.robot.commands import (
+from protocol.robot.events import (
     ANY,
-    LINK,
     PERFECT,
-    REFERENCE,
     BoardCommand,
-    Command,
+    LinkCommand,
+    LinkOrder,
     LinkParameters,
-    changed,
+    ReferenceChange,
+    ReferenceOrder,
     concerns,
     encode_board_command,
+    parameters_after,
 )
 from protocol.wire.frames import NO_TICK, Neighbour
 from protocol.wire.wiring import neighbours
@@ -68,16 +69,16 @@ class Roster:
         """Whether a joint has a board."""
         return self.incarnations[board] != 0
 
-    def obey(self, command: Command) -> None:
-        """Carry out a "link", "heal" or "reference" command."""
-        if command[0] == "reference":
-            self.references_rad[command[1]] = command[2]
-            self._refer(command[1])
-            return
+    def refer(self, command: ReferenceChange) -> None:
+        """Give a board another reference."""
+        self.references_rad[command.board] = command.reference_rad
+        self._refer(command.board)
+
+    def change(self, command: LinkCommand) -> None:
+        """Change links."""
         concerned = {pair for pair in self.links if concerns(command, *pair)}
         for pair in concerned:
-            now = self.links[pair]
-            self.links[pair] = PERFECT if command[0] == "heal" else changed(now, command[2])
+            self.links[pair] = parameters_after(command, self.links[pair])
         for board in range(self.size):
             self._tell(board, concerned)
 
@@ -124,10 +125,10 @@ class Roster:
         if len(senders) > 1 and told_all and len(set(parameters)) == 1:
             senders = [ANY]
         for sender, now in zip(senders, parameters, strict=False):
-            self._send(board, BoardCommand(LINK, sender, tuple(now)))
+            self._send(board, LinkOrder(sender, now))
 
     def _refer(self, board: int) -> None:
-        self._send(board, BoardCommand(REFERENCE, ANY, (self.references_rad[board],)))
+        self._send(board, ReferenceOrder(self.references_rad[board]))
 
     def _send(self, board: int, message: BoardCommand) -> None:
         if self.present(board):

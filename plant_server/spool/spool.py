@@ -21,6 +21,7 @@ from plant_server.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.chunks import ChunkWriter, read_chunks
 from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json
+from protocol.robot.events import event_of, values_of
 from protocol.robot.scenario import Scenario, ScenarioError, canonical
 from protocol.robot.scenario import decode as decode_scenario
 from protocol.wire.frames import VERSION, Report, decode_report, version_trouble
@@ -53,7 +54,7 @@ class SpoolWriter:
         tell: Callable[[str], None] = to_stderr,
     ) -> None:
         self._chunks = ChunkWriter(path, chunk_bytes=CHUNK_BYTES)
-        self._pack = msgpack.Packer(use_bin_type=True).pack
+        self._pack = msgpack.Packer(use_bin_type=True, default=values_of).pack
         self._tell = tell
         self._told = self._closed = False
         self._chunks.put(self._pack((_SCENARIO, canonical(scenario), VERSION)))
@@ -159,8 +160,17 @@ def read_spool(path: Path) -> Spool:
     outcome: Outcome | None = None
     for kind, *fields in _records(path.read_bytes()):
         if kind == _TICK:
-            tick, *sequences, times = fields
-            ticks.append(TickRecord(tick, *map(tuple, sequences)))
+            tick, angles, rates, torques, answers, events, times = fields
+            ticks.append(
+                TickRecord(
+                    tick,
+                    tuple(angles),
+                    tuple(rates),
+                    tuple(torques),
+                    tuple(answers),
+                    tuple(map(event_of, events)),
+                )
+            )
             walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
         elif kind == _REPORT:
             board, payload = fields

@@ -17,18 +17,22 @@ import re
 from collections.abc import Iterator
 from enum import StrEnum
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta, Struct, field
 
 from protocol.robot.canonical_json import canonical_json
-from protocol.robot.commands import (
+from protocol.robot.events import (
+    BOARDS_MAX,
     PERFECT,
-    CommandError,
+    Command,
+    EventError,
     LinkParameters,
+    LinkRepair,
     changed,
-    check_command,
+    check_changes,
+    check_event,
 )
 from protocol.robot.hardware import (
     Angle,
@@ -45,7 +49,6 @@ from protocol.robot.hardware import (
 from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
 
 TicksSome = Annotated[int, Meta(ge=1, lt=2**31)]
-BOARDS_MAX = 2000
 
 
 class ScenarioError(Exception):
@@ -145,15 +148,18 @@ class LinkFaults(Struct, frozen=True, array_like=True, forbid_unknown_fields=Tru
     sender: Annotated[int, Meta(ge=0)]
     receiver: Annotated[int, Meta(ge=0)]
     changes: dict[str, float]
-    """What of `protocol.robot.commands.LinkParameters` is not perfect."""
+    """What of `protocol.robot.events.LinkParameters` is not perfect."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no link can have. Raises ValueError."""
+        check_changes(self.changes)
 
 
 class ScenarioEvent(Struct, frozen=True, array_like=True, forbid_unknown_fields=True):
     """What is done to the robot, and in which tick: `[tick, command]`."""
 
     tick: Ticks
-    command: list[Any]
-    """As `protocol.robot.commands` has them."""
+    command: Command
 
 
 class BoardSettings(
@@ -293,9 +299,8 @@ def _conflicts(scenario: Scenario) -> Iterator[str]:
         if (board.ticks_per_period is None) != (scenario.realtime is None):
             yield f"board.{i}.ticks_per_period: goes with realtime, and nothing else does"
     for i, link in enumerate(scenario.link_faults):
-        pairs = [[link.sender, link.receiver]]
-        command = ["link", pairs, link.changes] if link.changes else ["heal", pairs]
-        yield from _command_conflicts(f"link.{i}", command, joints)
+        pairs = ((link.sender, link.receiver),)
+        yield from _command_conflicts(f"link.{i}", LinkRepair(pairs), joints)
     for i, event in enumerate(scenario.events):
         yield from _command_conflicts(f"event.{i}", event.command, joints)
     outside = [scenario.election.rule, *(board.controller for board in boards)]
@@ -304,10 +309,10 @@ def _conflicts(scenario: Scenario) -> Iterator[str]:
             yield f"rig.sources: there is no file of {named.module}"
 
 
-def _command_conflicts(path: str, command: list[Any], joints: list[str]) -> Iterator[str]:
+def _command_conflicts(path: str, command: Command, joints: list[str]) -> Iterator[str]:
     try:
-        check_command(command, joints)
-    except CommandError as error:
+        check_event(command, joints)
+    except EventError as error:
         yield f"{path}: {error}"
 
 

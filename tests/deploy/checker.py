@@ -9,6 +9,7 @@ from math import copysign, fabs, isfinite
 
 from plant_server.record import TickRecord
 from plant_server.spool.spool import Spool
+from protocol.robot.events import Admission, Departure, MidwayDeparture
 from protocol.robot.scenario import ElectionSettings
 from protocol.robot.states import DRIVING
 from protocol.wire.frames import TorqueFrame, decode
@@ -39,9 +40,9 @@ def _answers(ticks: Sequence[TickRecord]) -> Iterator[Said]:
     for record in ticks:
         for event in record.events:
             match event:
-                case ["admitted", int(board), int(incarnation)]:
+                case Admission(board, incarnation):
                     roster[board] = incarnation
-                case ["gone" | "gone_midway", int(board), _]:
+                case Departure(board, _) | MidwayDeparture(board, _):
                     roster[board] = 0
         said: Said = [decode(TorqueFrame, answer) if answer else None for answer in record.answers]
         for board, frame in enumerate(said):

@@ -23,6 +23,7 @@ from deploy.recording.trajectory import (
 )
 from deploy.scenario_file.load import load
 from plant_server.spool.spool import Spool
+from protocol.robot.events import Event, LinkChange, Push
 from protocol.robot.scenario import ElectionSettings
 
 START_NS = 5_000_000_000
@@ -151,15 +152,15 @@ def chain(folder: Path, boards: int, duration_s: float) -> Trajectory:
     )
 
 
-def _pokes(boards: int, ticks: int) -> list[tuple[int, list[Any]]]:
+def _pokes(boards: int, ticks: int) -> list[tuple[int, Event]]:
     """A cut, its end and a push every second, here and there."""
-    found: list[tuple[int, list[Any]]] = []
+    found: list[tuple[int, Event]] = []
     for number, tick in enumerate(range(500, ticks, 1000)):
         low = number % (boards - 1)
-        pairs = [[low, low + 1], [low + 1, low]]
-        found.append((tick, ["link", pairs, {"cut": 1.0}]))
-        found.append((tick + 200, ["push", low, 3.0, 100]))
-        found.append((tick + 400, ["link", pairs, {"cut": 0.0}]))
+        pairs = ((low, low + 1), (low + 1, low))
+        found.append((tick, LinkChange(pairs, {"cut": 1.0})))
+        found.append((tick + 200, Push(low, 3.0, 100)))
+        found.append((tick + 400, LinkChange(pairs, {"cut": 0.0})))
     return found
 
 

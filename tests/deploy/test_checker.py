@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from plant_server.record import TickRecord
+from protocol.robot.events import Departure
 from protocol.wire.frames import TorqueFrame, decode, encode
 from tests.deploy.checker import BrokenRecordingError, check
 from tests.deploy.spools import SHORT, bad_link, spool
@@ -44,7 +45,7 @@ def said(**values: Any) -> Callable[[TickRecord], TickRecord]:
         (TICK, said(tick=TICK - 1), "of its tick"),
         (TICK, said(incarnation=2), "of who is there"),
         (TICK, lambda r: r._replace(answers=(b"", *r.answers[1:])), "who is there answers"),
-        (TICK, lambda r: r._replace(events=(["gone", 1, "died"],)), "of who is there"),
+        (TICK, lambda r: r._replace(events=(Departure(1, "died"),)), "of who is there"),
         (TICK, lambda r: r._replace(torques_nm=(1.0, *r.torques_nm[1:])), "living board said"),
         (TICK, lambda r: r._replace(torques_nm=(0.0, *r.torques_nm[1:])), "who drives is obeyed"),
         (-3, lambda r: r._replace(torques_nm=(1.0, 0.0, 0.0)), "living board said"),

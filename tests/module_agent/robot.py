@@ -10,7 +10,7 @@ from msgspec import structs
 from module_agent.assembly import assemble
 from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import BoardConfig, ElectionConfig
-from protocol.robot.commands import PERFECT
+from protocol.robot.events import PERFECT
 from protocol.robot.hardware import Link, ServoGains
 from protocol.robot.scenario import Controls
 from protocol.robot.sensors import Readings

@@ -1,12 +1,13 @@
 """A plant of three joints for tests, and boards that answer whatever a test wants them to."""
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from plant_server.record import TickRecord
 from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
-from protocol.robot.commands import Command, LinkParameters
+from protocol.robot.events import Command, LinkParameters, values_of
 from protocol.robot.hardware import Link, Unattended
 from protocol.robot.sensors import EXACT, sensors_of
 from protocol.robot.states import State
@@ -123,6 +124,7 @@ def play(lockstep: Lockstep, *torques_nm: float) -> TickRecord:
     return finish(lockstep, *torques_nm)
 
 
-def happened(record: TickRecord, what: str) -> list[list[object]]:
+def happened(record: TickRecord, what: str) -> list[list[Any]]:
     """What events of one kind a tick records, without the name of the kind."""
-    return [event[1:] for event in record.events if event[0] == what]
+    values = json.loads(json.dumps([values_of(event) for event in record.events]))
+    return [list(content) for kind, *content in values if kind == what]

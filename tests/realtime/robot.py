@@ -20,6 +20,7 @@ from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.spool.spool import PLANT, Spool
+from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import ProtocolError
 from protocol.wire.trace import Lived
@@ -156,9 +157,9 @@ class RealtimeRobot:
     def _tick(self) -> None:
         plant = self.plant
         match plant.begin():
-            case ["unplug", int(board)]:
+            case Unplug(board):
                 self.unplug(board)
-            case ["plug", int(board)]:
+            case Plug(board):
                 self.plug(board)
         for board, payload in plant.open():
             if self.random.random() >= self.host.loss:

@@ -20,6 +20,7 @@ from deploy.recording.realtime_times import realtime_times, turns
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
 from plant_server.spool.spool import Spool
+from protocol.robot.events import Ready, tag_of
 from protocol.robot.states import State
 from tests.realtime.robot import MS, Host, RealtimeRobot
 
@@ -283,9 +284,9 @@ def test_hardware_is_played_again_too(tmp_path: Path) -> None:
     settings += ["board.2.sensors.encoder_bits=12", "unattended.how=braked"]
     spool = RealtimeRobot(load(str(path), settings), QUIET).spool()
     happened = [(record.tick, event) for record in spool.ticks for event in record.events]
-    what = {event[0] for _, event in happened}
+    what = {tag_of(event) for _, event in happened}
     assert {"sensor", "tipping", "plug", "ready", "admitted"} <= what
-    (ready,) = [tick for tick, event in happened if event[0] == "ready"]
+    (ready,) = [tick for tick, event in happened if isinstance(event, Ready)]
     assert ready == 900
     found = replay(spool)
     assert (found.differences, found.unplayed) == ((), 0)

@@ -10,7 +10,18 @@ import msgpack
 from plant_server.session import control
 from plant_server.session.lockstep import Lockstep
 from protocol.robot import sensors
-from protocol.robot.commands import Command
+from protocol.robot.events import (
+    Command,
+    LinkChange,
+    LinkRepair,
+    Pairs,
+    Plug,
+    Push,
+    ReferenceChange,
+    SensorFault,
+    Unplug,
+    values_of,
+)
 from protocol.wire.frames import VERSION, Observation, decode, encode, seal
 from protocol.wire.wiring import neighbours
 from tests.sim.plans import Plan, link_changes
@@ -50,7 +61,7 @@ class Adversary:
         command, undone = self._drawn()
         tick = lockstep.tick
         if chance.random() < 0.5:
-            request = seal(msgpack.packb((VERSION, json.dumps(command))))
+            request = seal(msgpack.packb((VERSION, json.dumps(values_of(command)))))
             control.answer(lockstep, self.joints, request)
             control.answer(lockstep, self.joints, seal(msgpack.packb((VERSION, control.STATUS))))
         else:
@@ -109,36 +120,39 @@ class Adversary:
         match chance.randrange(10):
             case 0 | 1 | 2:
                 pairs = self._pairs(board)
-                return ["link", pairs, link_changes(chance)], ["heal", pairs]
+                changes = link_changes(chance) or {"cut": 0.0}
+                return LinkChange(pairs, changes), LinkRepair(pairs)
             case 3:
-                return ["heal", self._pairs(board)], None
+                return LinkRepair(self._pairs(board)), None
             case 4:
-                return ["reference", board, chance.uniform(-0.2, 0.2)], None
+                return ReferenceChange(board, chance.uniform(-0.2, 0.2)), None
             case 5:
-                return ["push", board, chance.uniform(-60.0, 60.0), chance.randint(1, 20)], None
+                return Push(board, chance.uniform(-60.0, 60.0), chance.randint(1, 20)), None
             case 6 | 7:
-                return self._sensor_fault(board), ["sensor", board, sensors.ALL, sensors.OK, 0.0, 0]
+                return self._sensor_fault(board), SensorFault(
+                    board, sensors.ALL, sensors.OK, 0.0, 0
+                )
             case _:
-                plug = ["plug", board]
-                unplug = (["unplug", board], chance.choice((plug, None)))
+                plug = Plug(board)
+                unplug = (Unplug(board), chance.choice((plug, None)))
                 return chance.choice((unplug, (plug, None)))
 
     def _sensor_fault(self, board: int) -> Command:
         """Of a sensor that every board has."""
         chance = self.chance
-        sensor = chance.choice(("encoder", "gyroscope", "torque", sensors.ALL))
+        sensor: sensors.Faultable = chance.choice(("encoder", "gyroscope", "torque", sensors.ALL))
         fault = chance.choice(sensors.FAULTS)
         amount = 0.0
         if fault in ("slow", "delayed"):
             amount = float(chance.randint(1, 30))
         elif fault == "intermittent":
             amount = chance.random()
-        return ["sensor", board, sensor, fault, amount, chance.choice((0, 1, 15, 60))]
+        return SensorFault(board, sensor, fault, amount, chance.choice((0, 1, 15, 60)))
 
-    def _pairs(self, board: int) -> list[list[int]]:
+    def _pairs(self, board: int) -> Pairs:
         near = neighbours(board, self.size)
         if not near or self.chance.random() < 0.3:
-            return []
+            return ()
         other = self.chance.choice(near)
-        there, back = [board, other], [other, board]
-        return self.chance.choice(([there], [there, back]))
+        there, back = (board, other), (other, board)
+        return self.chance.choice(((there,), (there, back)))

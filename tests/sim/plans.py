@@ -11,7 +11,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from deploy.scenario_file.load import load
-from protocol.robot.commands import DELAY_TICKS_MAX
+from protocol.robot.events import DELAY_TICKS_MAX
 from protocol.robot.hardware import Unattended
 from protocol.robot.scenario import BoardSettings, Controls, LinkFaults, Scenario
 

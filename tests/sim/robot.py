@@ -12,6 +12,7 @@ from module_agent.firmware.board import Board, ReplacedError
 from module_agent.firmware.config import board_config
 from plant_server.record import TickRecord
 from protocol.robot import sensors
+from protocol.robot.events import LinkRepair, Plug, SensorFault
 from protocol.wire.frames import ProtocolError
 from protocol.wire.wiring import neighbours
 from tests.sim.adversary import Adversary, Fate
@@ -99,11 +100,11 @@ class Robot(Twin):
         """End all faults: perfect links and sensors, a board on every joint, nobody frozen."""
         self.adversary.healed = True
         agenda, tick = self.lockstep.agenda, self.lockstep.tick
-        agenda.add(max(tick, self.adversary.until), ["heal", []])
+        agenda.add(max(tick, self.adversary.until), LinkRepair(()))
         for board in range(len(self.boards)):
-            whole = ["sensor", board, sensors.ALL, sensors.OK, 0.0, 0]
+            whole = SensorFault(board, sensors.ALL, sensors.OK, 0.0, 0)
             agenda.add(max(tick, self.adversary.until) + 1, whole)
-            agenda.add(max(tick, self.adversary.until) + 1, ["plug", board])
+            agenda.add(max(tick, self.adversary.until) + 1, Plug(board))
 
     @property
     def healed(self) -> bool:

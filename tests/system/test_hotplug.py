@@ -15,6 +15,7 @@ import pytest
 from deploy.outcome.results import read_run
 from deploy.recording.trajectory import Trajectory
 from protocol.process.exit_codes import ExitCode
+from protocol.robot.events import Admission, LinkChange, LinkRepair, Push, Sides, tag_of
 from protocol.robot.states import State
 from tests.system.rig import (
     Launched,
@@ -49,7 +50,7 @@ def test_scheduled_deaths_of_real_processes_equal_the_twin(tmp_path: Path, scena
     assert done.returncode == ExitCode.OK, done.stderr
     run = read_run(tmp_path / "run")
     assert run is not None
-    assert {"unplug", "plug", "gone", "admitted"} <= {event[0] for _, event in run.events}
+    assert {"unplug", "plug", "gone", "admitted"} <= {tag_of(event) for _, event in run.events}
     assert run.state_sha256 == twin_digest(*SHORT[scenario], source=scenario)
 
 
@@ -76,8 +77,8 @@ def launch(tmp_path: Path) -> Iterator[Callable[..., Launched]]:
         run.kill()
 
 
-def happened(run: Trajectory, what: str) -> list[tuple[int, list[Any]]]:
-    return [(tick, event) for tick, event in run.events if event[0] == what]
+def happened(run: Trajectory, what: str) -> list[tuple[int, Any]]:
+    return [(tick, event) for tick, event in run.events if tag_of(event) == what]
 
 
 def test_a_killed_board_is_named_and_the_run_goes_on(launch: Callable[..., Launched]) -> None:
@@ -88,10 +89,10 @@ def test_a_killed_board_is_named_and_the_run_goes_on(launch: Callable[..., Launc
     eventually(lambda: run.status()["tick"] > tick + 100)
     recorded, errors = ended(run)
     ((died, event),) = happened(recorded, "gone") + happened(recorded, "gone_midway")
-    assert event[1:] == [1, "died"]
+    assert (event.board, event.why) == (1, "died")
     assert "knee died at tick" in errors
     assert not recorded.state[died + 1 :, 1].any(), "nobody drives the knee any more"
-    assert happened(recorded, "sides")[0][1] == ["sides", [[0], [2]]]
+    assert happened(recorded, "sides")[0][1] == Sides(((0,), (2,)))
 
 
 def test_boards_are_pulled_and_put_back_from_a_terminal(launch: Callable[..., Launched]) -> None:
@@ -104,7 +105,7 @@ def test_boards_are_pulled_and_put_back_from_a_terminal(launch: Callable[..., La
     assert run.ask("plug", "hip").returncode == ExitCode.OK
     eventually(lambda: run.board("hip")["state"] == "running")
     recorded, _ = ended(run)
-    assert [event for _, event in happened(recorded, "admitted")][-1] == ["admitted", 2, 2]
+    assert [event for _, event in happened(recorded, "admitted")][-1] == Admission(2, 2)
 
 
 def test_a_board_started_by_hand_takes_the_place_of_a_dead_one(
@@ -142,11 +143,13 @@ def test_links_are_cut_and_healed_from_a_terminal(launch: Callable[..., Launched
     assert run.ask("reference", "hip", "1deg").returncode == ExitCode.OK
     assert run.ask("cut", "ankle-hip").returncode == ExitCode.BAD_INPUT
     recorded, _ = ended(run)
-    commands = [event for _, event in recorded.events if event[0] in ("link", "heal", "push")]
-    assert commands[0] == ["link", [[0, 1], [1, 0]], {"cut": 1.0}]
+    commands = [
+        event for _, event in recorded.events if isinstance(event, LinkChange | LinkRepair | Push)
+    ]
+    assert commands[0] == LinkChange(((0, 1), (1, 0)), {"cut": 1.0})
     ((tick, _),) = happened(recorded, "push")
     assert tick >= pushed["tick"] == round(pushed["at_s"] * 1000)
-    assert happened(recorded, "sides")[0][1] == ["sides", [[0], [1, 2]]]
+    assert happened(recorded, "sides")[0][1] == Sides(((0,), (1, 2)))
 
 
 def test_a_frozen_board_is_waited_for_by_name(make_rig: Callable[..., Rig]) -> None:
@@ -222,5 +225,5 @@ def test_processes_equal_the_twin_on_hardware_that_fails(tmp_path: Path) -> None
     assert done.returncode == ExitCode.OK, done.stderr
     run = read_run(tmp_path / "run")
     assert run is not None
-    assert {"sensor", "ready", "admitted"} <= {event[0] for _, event in run.events}
+    assert {"sensor", "ready", "admitted"} <= {tag_of(event) for _, event in run.events}
     assert run.state_sha256 == twin_digest(*settings, source="hardware")

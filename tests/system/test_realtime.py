@@ -22,6 +22,7 @@ from deploy.recording.spools import read_spool_of
 from plant_server.session.pace import SLIP_S
 from plant_server.spool.spool import PLANT, read_spool
 from protocol.process.exit_codes import ExitCode
+from protocol.robot.events import Departure
 from protocol.wire.trace import Lived
 from tests.system.rig import Launched, Rig, decmesh, eventually, said, twin_digest
 
@@ -189,7 +190,12 @@ def test_commands_deaths_and_a_frozen_board(launched: Launched) -> None:
     assert "Traceback" not in errors
     assert "run.mcap: the run until then" in errors
     spool = read_spool_of(run.folder)
-    gone = [event[1] for record in spool.ticks for event in record.events if event[0] == "gone"]
+    gone = [
+        event.board
+        for record in spool.ticks
+        for event in record.events
+        if isinstance(event, Departure)
+    ]
     assert {0, 1, 2} <= set(gone)
     assert replay(spool).differences == ()
 

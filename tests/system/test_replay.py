@@ -24,7 +24,16 @@ from deploy.recording.trajectory import CUT_OFF
 from plant_server.record import COMPLETE, STOPPED
 from plant_server.spool.spool import read_spool
 from protocol.process.exit_codes import ExitCode
-from protocol.robot.commands import Command
+from protocol.robot.events import (
+    Command,
+    LinkChange,
+    LinkRepair,
+    Push,
+    ReferenceChange,
+    SensorFault,
+    Unplug,
+    tag_of,
+)
 from protocol.wire.wiring import rig_of
 from tests.deploy.checker import check
 from tests.deploy.spools import SHORT
@@ -83,7 +92,7 @@ class Vandal:
         """All of it, in some order, with a while of peace after each deed."""
         deeds = [self.kill] * 3 + [self.start] * 4 + [self.freeze] * 2 + [self.unplug]
         deeds += [self.type] * 8
-        terminal.command(["push", 2, 5.0, 30])
+        terminal.command(Push(2, 5.0, 30))
         for deed in self.chance.sample(deeds, len(deeds)):
             if plant.poll() is not None:
                 return  # Without boards, ticks fly.
@@ -97,15 +106,15 @@ class Vandal:
 
     def command(self) -> Command:
         chance = self.chance
-        pair = chance.choice(([0, 1], [1, 0], [1, 2], [2, 1]))
+        pair = chance.choice(((0, 1), (1, 0), (1, 2), (2, 1)))
         changes = chance.choice(({"cut": 1.0}, {"loss": 0.4}, {"delay_ticks": 3.0}))
         return chance.choice(
             (
-                ["link", chance.choice(([], [pair])), changes],
-                ["heal", []],
-                ["push", chance.randrange(3), chance.uniform(-10.0, 10.0), 30],
-                ["reference", chance.randrange(3), chance.uniform(-0.02, 0.02)],
-                ["sensor", chance.randrange(3), "encoder", "garbage", 0.0, 20],
+                LinkChange(chance.choice(((), (pair,))), changes),
+                LinkRepair(()),
+                Push(chance.randrange(3), chance.uniform(-10.0, 10.0), 30),
+                ReferenceChange(chance.randrange(3), chance.uniform(-0.02, 0.02)),
+                SensorFault(chance.randrange(3), "encoder", "garbage", 0.0, 20),
             )
         )
 
@@ -140,7 +149,7 @@ class Vandal:
         """Ask first, then end the process."""
         joint, board = self.some_board()
         with suppress(LiveError):
-            terminal.command(["unplug", JOINTS.index(joint)])
+            terminal.command(Unplug(JOINTS.index(joint)))
         board.kill()
         board.wait()
         self.boards[joint] = None
@@ -163,7 +172,7 @@ def test_a_robot_that_was_poked_from_outside_at_random_replays(
     recorded = read_spool(spool)
     assert recorded.outcome is not None
     assert recorded.outcome.ending in (STOPPED, COMPLETE)
-    seen = {event[0] for record in recorded.ticks for event in record.events}
+    seen = {tag_of(event) for record in recorded.ticks for event in record.events}
     assert seen >= {"admitted", "push", "energy_lost_j"}
     assert seen & {"gone", "gone_midway"}
     assert first_difference(recorded, lambda _tick: None) is None

@@ -22,7 +22,7 @@ from module_agent.firmware.consensus import MaxConsensus
 from module_agent.firmware.controller import Candidate, Round
 from module_agent.firmware.elector import urgency
 from module_agent.firmware.link_model import LinkModel
-from protocol.robot.commands import PERFECT
+from protocol.robot.events import PERFECT
 
 PIECE_BOARDS = 20_000
 """A piece of work has so many epochs times boards: well under a second."""

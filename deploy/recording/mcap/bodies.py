@@ -13,6 +13,7 @@ from deploy.recording.fates import FrameOutcome
 from plant_server.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.spool import recorded_scenario
 from protocol.robot.canonical_json import canonical_json
+from protocol.robot.events import EVENTS, Event, event_of, values_of
 from protocol.robot.scenario import Scenario, canonical
 from protocol.robot.states import COUNTERS
 from protocol.wire.fields import fields
@@ -70,7 +71,7 @@ def of_tick(record: TickRecord) -> Body:
     }
 
 
-def to_tick(body: Body, answers: Sequence[bytes], events: Sequence[list[Any]]) -> TickRecord:
+def to_tick(body: Body, answers: Sequence[bytes], events: Sequence[Event]) -> TickRecord:
     """A record, with what was said on the other channels in the same tick."""
     return TickRecord(
         body["tick"],
@@ -150,15 +151,17 @@ def of_epochs(found: Epochs | None, joints: Sequence[str]) -> Iterator[Body]:
         }
 
 
-def of_event(tick: int, event: list[Any]) -> Body:
+def of_event(tick: int, event: Event) -> Body:
     """What happened to the robot."""
-    return {"tick": tick, "what": str(event[0]), "event": json.dumps(event)}
+    what, *values = values_of(event)
+    return {"tick": tick, "what": what, **dict(zip(event.__struct_fields__, values, strict=True))}
 
 
-def to_event(body: Body) -> list[Any]:
-    """What happened to the robot."""
-    event: list[Any] = json.loads(body["event"])
-    return event
+def to_event(body: Body) -> Event:
+    """What happened to the robot. Raises ValueError."""
+    what = body["what"]
+    fields = EVENTS[what].__struct_fields__ if what in EVENTS else ()
+    return event_of([what, *(body[name] for name in fields)], strict=False)
 
 
 def of_walls(tick: int, walls: Walls) -> Body:

@@ -35,6 +35,7 @@ from deploy.recording.mcap.schema import Kind
 from deploy.recording.trajectory import Trajectory
 from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
+from protocol.robot.events import Event
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import VERSION, Report
 
@@ -180,7 +181,7 @@ class _Reading:
         self._told: defaultdict[str, list[bodies.Body]] = defaultdict(list)
         """By topic: what boards told, of frames that have more to come."""
         self._joints: list[str] = []
-        self._events: list[list[Any]] = []
+        self._events: list[Event] = []
         self._answers: dict[str, bytes] = {}
         """Events and answers of the tick that is being read."""
 

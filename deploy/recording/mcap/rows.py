@@ -80,13 +80,6 @@ class EpochRow(msgspec.Struct, gc=False):
     y: Integers
 
 
-class EventRow(msgspec.Struct, gc=False):
-    """What happened to the robot."""
-
-    event: str
-    """JSON text."""
-
-
 class PlantTimingRow(msgspec.Struct, gc=False):
     """When the plant did what in a tick."""
 
@@ -245,6 +238,12 @@ class Channels:
         if len(rows) != len(found):
             raise ValueError(f"{len(found)} messages on {topic} say {len(rows)} things")
         return rows
+
+    def tables(self, topic: str) -> list[dict[str, Any]]:
+        """All messages of a topic whose fields depend on what they say. Raises as `rows`."""
+        return [
+            msgspec.json.decode(data, type=dict[str, Any]) for data in self._messages.get(topic, [])
+        ]
 
     def places(self, topic: str) -> Sequence[int]:
         """For each of these rows, how many ticks were told before it."""

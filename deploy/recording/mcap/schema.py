@@ -3,15 +3,16 @@
 Rule 1: types are the plain ones that viewers know. JSON has no NaN, so a number that is none is the
         string "NaN", "Infinity" or "-Infinity".
 Rule 2: a list of numbers has one for each joint, from the ground up, unless it says otherwise.
-Rule 3: what has many shapes (a scenario, facts, an event) is there as JSON text, beside the fields
-        that one looks for first.
+Rule 3: what has many shapes (a scenario, facts) is there as JSON text, beside the fields that one
+        looks for first. An event has the fields of its kind, and no others.
 Rule 4: what mirrors a message of the wire has its fields and their meaning from there.
 """
 
 from collections.abc import Container
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from deploy.recording.frame_fate import FrameFate
+from protocol.robot.events import EVENTS, meaning_of
 from protocol.wire import frames
 from protocol.wire.fields import fields
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Observation, Reason, TorqueFrame
@@ -54,8 +55,42 @@ def _object(fields: Fields, optional: frozenset[str] = frozenset()) -> dict[str,
 def _type(type_: Any) -> dict[str, Any]:
     if isinstance(type_, str):
         return {"type": type_}
+    if isinstance(type_, dict):
+        return _object(type_)
     (inner,) = type_
-    return {"type": "array", "items": {"type": inner} if isinstance(inner, str) else _object(inner)}
+    return {"type": "array", "items": _type(inner)}
+
+
+PLAIN: dict[type, str] = {bool: "boolean", int: INTEGER, float: NUMBER, str: TEXT, dict: "object"}
+
+
+def _plain(hint: Any) -> Any:
+    """What a Python type is in JSON."""
+    kind = get_origin(hint) or hint
+    if kind is Annotated:
+        return _plain(get_args(hint)[0])
+    if kind is tuple:
+        return [_plain(get_args(hint)[0])]
+    if kind is Literal:
+        return TEXT
+    return next(name for plain, name in PLAIN.items() if issubclass(kind, plain))
+
+
+def _event_fields() -> Fields:
+    """The fields of all events; who has one of them says what it means."""
+    types: dict[str, Any] = {}
+    meanings: dict[str, dict[str, list[str]]] = {}
+    for tag, kind in EVENTS.items():
+        for name, hint in get_type_hints(kind, include_extras=True).items():
+            types[name] = _plain(hint)
+            meanings.setdefault(name, {}).setdefault(meaning_of(hint), []).append(tag)
+    return {
+        name: (
+            types[name],
+            "; ".join(f"{', '.join(tags)}: {about}" for about, tags in abouts.items()),
+        )
+        for name, abouts in meanings.items()
+    }
 
 
 def mirrored(message: type, *, without: Container[str] = ()) -> Fields:
@@ -84,7 +119,6 @@ def _spelled(meaning: str) -> str:
     return meaning.replace("NO_TICK", str(NO_TICK)).replace("NO_EPOCH", str(NO_EPOCH))
 
 
-PLAIN: dict[type, str] = {int: INTEGER, float: NUMBER, str: TEXT}
 TICK: Fields = {"tick": (INTEGER, "below 0 in warm-up; tick 0 releases the body")}
 SENDER: Fields = {name: mirrored(LinkFrame)[name] for name in ("run_id", "incarnation")}
 
@@ -169,11 +203,8 @@ EPOCH = Kind(
 EVENT = Kind(
     "decmesh.Event",
     "What happened to the robot: commands, boards that came and went, verdicts of the plant.",
-    {
-        **TICK,
-        "what": (TEXT, "first word of the event"),
-        "event": (TEXT, "all of it, as JSON text"),
-    },
+    {**TICK, "what": (TEXT, ", ".join(EVENTS)), **_event_fields()},
+    frozenset(_event_fields()),
 )
 TIMING = Kind(
     "decmesh.Timing",

@@ -21,10 +21,21 @@ from deploy.report.words import (
     lanes_in_words,
     pairs_of,
     sides_in_words,
-    title_of,
 )
 from plant_server.record import COMPLETE
-from protocol.robot.commands import PERFECT, LinkParameters, changed, concerns
+from protocol.robot.events import (
+    PERFECT,
+    Admission,
+    BoardFault,
+    Disturbance,
+    LinkCommand,
+    LinkParameters,
+    ReferenceChange,
+    SensorFault,
+    Sides,
+    concerns,
+    parameters_after,
+)
 from protocol.robot.scenario import Scenario
 from protocol.robot.sensors import ALL, OK
 from protocol.robot.states import State
@@ -99,7 +110,7 @@ def told(trajectory: Trajectory) -> list[Happening]:
     happened += [
         Happening(tick, tell.event(event))
         for tick, event in trajectory.events
-        if tick >= 0 or event[0] != "admitted"
+        if tick >= 0 or not isinstance(event, Admission)
     ]
     if trajectory.ending != COMPLETE:
         happened.append(Happening(trajectory.ticks, f"the run ended: {trajectory.ending}"))
@@ -128,9 +139,9 @@ def _faults(trajectory: Trajectory, pair: Pair) -> Iterator[tuple[int, int, Link
     now = trajectory.scenario.standing_link(*pair)
     since = 0
     for tick, event in trajectory.events:
-        if event[0] not in {"link", "heal"} or not concerns(event, *pair):
+        if not isinstance(event, LinkCommand) or not concerns(event, *pair):
             continue
-        then = PERFECT if event[0] == "heal" else changed(now, event[2])
+        then = parameters_after(event, now)
         if then != now:
             if now != PERFECT and tick > since:
                 yield since, tick, now
@@ -159,33 +170,32 @@ def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
 def _sensor_spans(trajectory: Trajectory) -> Iterator[Span]:
     """While a sensor was told to fail: until its time was over, or another command came."""
     joints = trajectory.scenario.joints
-    told = [
-        (tick, *event[1:4], event[5]) for tick, event in trajectory.events if event[0] == "sensor"
-    ]
-    for at, (tick, board, sensor, fault, ticks) in enumerate(told):
-        ends = [tick + ticks] if ticks else []
+    told = [(tick, event) for tick, event in trajectory.events if isinstance(event, SensorFault)]
+    for at, (tick, event) in enumerate(told):
+        sensor = event.sensor
+        ends = [tick + event.ticks] if event.ticks else []
         ends += [
             then
-            for then, whose, which, *_ in told[at + 1 :]
-            if whose == board and (sensor == which or ALL in (sensor, which))
+            for then, later in told[at + 1 :]
+            if later.board == event.board
+            and (sensor == later.sensor or ALL in (sensor, later.sensor))
         ]
-        if fault != OK:
-            label = f"{'all of them' if sensor == ALL else sensor} {fault}"
+        if event.fault != OK:
+            label = f"{'all of them' if sensor == ALL else sensor} {event.fault}"
             end = min([*ends, trajectory.ticks])
-            yield Span(f"{joints[board]} sensors", max(tick, 0), end, Kind.FAULTS, label)
+            yield Span(f"{joints[event.board]} sensors", max(tick, 0), end, Kind.FAULTS, label)
 
 
 def _failures(trajectory: Trajectory, board: int) -> Iterator[tuple[int, str]]:
     for tick, event in trajectory.events:
-        match event:
-            case ["fault", int(whose), int(code), *_] if whose == board:
-                yield tick, f"fault {code}: {title_of(code)}"
+        if isinstance(event, BoardFault) and event.board == board:
+            yield tick, f"fault {event.code}: {event.code.title}"
 
 
 def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
     joints, since, label = trajectory.scenario.joints, 0, ""
-    changes = [(tick, event[1]) for tick, event in trajectory.events if event[0] == "sides"]
-    for tick, sides in [*changes, (trajectory.ticks, [])]:
+    changes = [(tick, event.sides) for tick, event in trajectory.events if isinstance(event, Sides)]
+    for tick, sides in [*changes, (trajectory.ticks, ())]:
         if label and tick > since:
             yield Span(APART, since, tick, Kind.APART, label)
         since, label = max(tick, 0), sides_in_words(sides, joints) if len(sides) > 1 else ""
@@ -194,11 +204,9 @@ def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
 def _moments_and_pushes(trajectory: Trajectory) -> Iterator[Span]:
     tell = Words(trajectory.scenario)
     for tick, event in trajectory.events:
-        match event:
-            case ["push", link, force_n, ticks]:
-                label = f"{tell.segments[link]} {force_n:+g} N"
-                end = min(tick + ticks, trajectory.ticks)
-                yield Span(PUSHED, tick, end, Kind.PUSH, label)
-            case ["reference", board, rad]:
-                label = f"{tell.joints[board]} {math.degrees(rad):g}°"
-                yield Span(REFERENCE, tick, tick, Kind.MOMENT, label)
+        if isinstance(event, Disturbance):
+            end = min(tick + event.ticks, trajectory.ticks)
+            yield Span(PUSHED, tick, end, Kind.PUSH, tell.label(event))
+        elif isinstance(event, ReferenceChange):
+            label = f"{tell.joints[event.board]} {math.degrees(event.reference_rad):g}°"
+            yield Span(REFERENCE, tick, tick, Kind.MOMENT, label)

@@ -31,6 +31,7 @@ from plant_server.spool.chunks import ChunkWriter, read_chunks
 from plant_server.spool.spool import Spool, SpoolWriter
 from protocol.process.exit_codes import ExitCode
 from protocol.process.fingerprint import fingerprint
+from protocol.robot.events import Plug, event_of
 from protocol.wire.frames import VERSION
 from tests.deploy.spools import spool, timed
 from tests.system.rig import decmesh
@@ -81,11 +82,11 @@ def filed(of: Spool, folder: Path) -> Path:
 def test_a_run_that_cannot_have_been_has_a_summary_and_its_spool(tmp_path: Path) -> None:
     """Such as of foreign boards. It is told in a line; what was recorded stays."""
     of = of_here()
-    ticks = [*of.ticks[:50], of.ticks[50]._replace(events=(["plug", 99],)), *of.ticks[51:]]
+    ticks = [*of.ticks[:50], of.ticks[50]._replace(events=(Plug(99),)), *of.ticks[51:]]
     spooled(of._replace(ticks=ticks), tmp_path)
     concluded = results.conclude(tmp_path, "twin")
     assert concluded is not None
-    with pytest.raises(UnreadableError, match=r"plug.*cannot have happened"):
+    with pytest.raises(UnreadableError, match=r"Plug.*cannot have happened"):
         list(results.write(concluded, tmp_path, lambda _tick: None))
     assert {path.name for path in tmp_path.iterdir()} == {"run.spool", "summary.json"}
 
@@ -332,7 +333,7 @@ def test_tables_have_a_row_for_each_tick_epoch_and_event(tmp_path: Path, whole: 
     assert len(epochs["epoch"]) == 5
     assert max(float(w) for w in epochs["hip_w_rad"]) > 0.5
     told = [(r.tick, event) for r in of.ticks for event in r.events]
-    assert [json.loads(text) for text in events["event_json"]] == [event for _, event in told]
+    assert [event_of(json.loads(text)) for text in events["event_json"]] == [one for _, one in told]
     assert [int(tick) for tick in events["tick"]] == [tick for tick, _ in told]
 
 

@@ -11,6 +11,7 @@ from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
 from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX
 from plant_server.record import COMPLETE, FELL
+from protocol.robot.events import Tipping
 from protocol.robot.states import State
 
 pytestmark = pytest.mark.slow
@@ -176,7 +177,7 @@ def test_a_board_that_takes_a_while_to_start_drives_that_much_later() -> None:
 def test_a_short_foot_tips_under_a_push_and_falls_under_a_harder_one() -> None:
     stands = run_of("short-foot")
     assert stands.ending == COMPLETE
-    tipping = [tick for tick, event in stands.events if event[0] == "tipping"]
+    tipping = [tick for tick, event in stands.events if isinstance(event, Tipping)]
     assert len(tipping) >= 2
     assert min(tipping) > 4000
     assert run_of("short-foot", "event.0.force_n=-80.0").ending == FELL

@@ -13,6 +13,7 @@ from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import available, load
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, fall_line
 from plant_server.session.control import ONE_WAY_AFTER_TICKS
+from protocol.robot.events import Admission, Departure, Plug, Sides, Unplug, tag_of
 from protocol.robot.scenario import Scenario, ScenarioError
 from protocol.robot.states import State
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
@@ -61,8 +62,8 @@ def said(records: list[TickRecord], board: int) -> Iterator[tuple[int, TorqueFra
         yield record.tick, decode(TorqueFrame, answer) if answer else None
 
 
-def events(records: list[TickRecord], *kinds: str) -> list[tuple[int, list[Any]]]:
-    return [(r.tick, event) for r in records for event in r.events if event[0] in kinds]
+def events(records: list[TickRecord], *kinds: str) -> list[tuple[int, Any]]:
+    return [(r.tick, event) for r in records for event in r.events if tag_of(event) in kinds]
 
 
 BOARDS = pytest.mark.parametrize("board", [ANKLE, KNEE, HIP], ids=JOINTS)
@@ -80,10 +81,10 @@ def test_s16_a_board_goes_and_comes_in_its_ticks_as_a_new_incarnation(board: int
     others = [other for other in range(3) if other != board]
     assert all(f is not None and f.incarnation == 1 for o in others for _, f in said(records, o))
     assert events(records, "unplug", "gone", "plug", "admitted")[3:] == [
-        (OUT, ["unplug", board]),
-        (OUT, ["gone", board, "unplugged"]),
-        (BACK, ["plug", board]),
-        (BACK, ["admitted", board, 2]),
+        (OUT, Unplug(board)),
+        (OUT, Departure(board, "unplugged")),
+        (BACK, Plug(board)),
+        (BACK, Admission(board, 2)),
     ]
 
 
@@ -115,9 +116,9 @@ def test_s17_what_a_brake_takes_from_the_body_is_recorded() -> None:
         if how != "braked":
             assert lost == []
             continue
-        ((tick, (_, board, lost_j)),) = lost
-        assert (tick, board) == (OUT, HIP)
-        assert lost_j > 0.0
+        ((tick, loss),) = lost
+        assert (tick, loss.board) == (OUT, HIP)
+        assert loss.energy_j > 0.0
 
 
 @BOARDS
@@ -200,8 +201,8 @@ def test_s5_neighbours_hear_of_nobody_and_then_of_the_new_incarnation() -> None:
 def test_the_middle_board_out_makes_two_sides_from_its_tick_to_its_tick() -> None:
     records, _ = swap(KNEE, "braked")
     assert events(records, "sides") == [
-        (OUT, ["sides", [[ANKLE], [HIP]]]),
-        (BACK, ["sides", [[ANKLE, KNEE, HIP]]]),
+        (OUT, Sides(((ANKLE,), (HIP,)))),
+        (BACK, Sides(((ANKLE, KNEE, HIP),))),
     ]
     # Each side elects by itself: after the first election without the knee, both are enabled.
     for tick in (302, 402):
@@ -213,8 +214,8 @@ def test_a_link_cut_both_ways_makes_two_sides_and_one_cut_one_way_does_not() -> 
     cut = "{at_s=0.15, do='cut', link='knee-hip', duration_s=0.3}"
     records, _ = run_twin(scenario(f"event=[{cut}]"))
     assert events(records, "sides") == [
-        (150, ["sides", [[ANKLE, KNEE], [HIP]]]),
-        (450, ["sides", [[ANKLE, KNEE, HIP]]]),
+        (150, Sides(((ANKLE, KNEE), (HIP,)))),
+        (450, Sides(((ANKLE, KNEE, HIP),))),
     ]
     one_way = cut.replace("duration_s", "one_way=true, duration_s")
     assert events(run_twin(scenario(f"event=[{one_way}]"))[0], "sides") == []
@@ -302,8 +303,8 @@ def test_hotplug_stands() -> None:
     _, records, outcome, run = shipped("hotplug")
     assert outcome.undriven == ()
     assert events(records, "sides") == [
-        (3000, ["sides", [[ANKLE, KNEE]]]),
-        (5000, ["sides", [[ANKLE, KNEE, HIP]]]),
+        (3000, Sides(((ANKLE, KNEE),))),
+        (5000, Sides(((ANKLE, KNEE, HIP),))),
     ]
     knee = dict(said(records, KNEE))[4999]
     assert knee is not None
@@ -320,16 +321,16 @@ def test_hotplug_stands() -> None:
 def test_knee_out_has_two_sides_while_the_knee_is_out() -> None:
     _, records, _, _ = shipped("knee-out")
     assert events(records, "sides") == [
-        (2000, ["sides", [[ANKLE], [HIP]]]),
-        (4000, ["sides", [[ANKLE, KNEE, HIP]]]),
+        (2000, Sides(((ANKLE,), (HIP,)))),
+        (4000, Sides(((ANKLE, KNEE, HIP),))),
     ]
 
 
 def test_blackout_has_two_sides_while_the_cable_is_cut() -> None:
     _, records, _, _ = shipped("blackout")
     assert events(records, "sides") == [
-        (300, ["sides", [[ANKLE], [KNEE, HIP]]]),
-        (1300, ["sides", [[ANKLE, KNEE, HIP]]]),
+        (300, Sides(((ANKLE,), (KNEE, HIP)))),
+        (1300, Sides(((ANKLE, KNEE, HIP),))),
     ]
 
 

@@ -6,6 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from deploy.recording.logical_digest import logical_sha256
+from protocol.robot.events import Push
 from protocol.robot.scenario import RigSettings
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import TorqueFrame, decode, encode
@@ -56,7 +57,7 @@ def test_what_a_network_brought_has_no_part_in_it() -> None:
         {"rates_rad_s": (0.0, 0.0, 1e-300)},
         {"torques_nm": (0.0, 0.0, 1e-300)},
         {"answers": (b"", b"", b"")},
-        {"events": (["push", 0, 1.0, 1],)},
+        {"events": (Push(0, 1.0, 1),)},
     ],
 )
 def test_everything_else_has(change: dict[str, Any]) -> None:

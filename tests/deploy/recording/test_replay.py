@@ -9,6 +9,19 @@ import pytest
 from deploy.recording.differences import NOTHING, REFUSED, Difference, first_difference
 from plant_server.record import FELL, Outcome, TickRecord
 from plant_server.spool.spool import Spool
+from protocol.robot.events import (
+    Admission,
+    Departure,
+    Event,
+    Excuse,
+    LinkChange,
+    MidwayDeparture,
+    Push,
+    ReferenceChange,
+    SensorFault,
+    Sides,
+    tag_of,
+)
 from protocol.wire.frames import TorqueFrame, decode, encode
 from tests.deploy.spools import SHORT, spool
 from tests.sim.plans import plan
@@ -63,7 +76,7 @@ def test_the_hunt_does_what_a_replay_has_to_cope_with() -> None:
         drawn = plan(seed)
         robot = Robot(drawn._replace(rates=drawn.rates._replace(blindness=0.0)))
         for _ in range(drawn.faulty_ticks):
-            seen |= {event[0] for event in robot.tick().events}
+            seen |= {tag_of(event) for event in robot.tick().events}
     commands = {"link", "heal", "reference", "push", "unplug", "plug"}
     assert seen >= commands | {"admitted", "gone", "gone_midway", "excused", "energy_lost_j"}
 
@@ -92,8 +105,8 @@ def in_frame(**values: Any) -> Callable[[TickRecord], TickRecord]:
         (lambda r: r._replace(angles_rad=(*r.angles_rad[:2], 0.5)), "angles_rad of hip"),
         (lambda r: r._replace(rates_rad_s=(-0.0, *r.rates_rad_s[1:])), "rates_rad_s of ankle"),
         (lambda r: r._replace(torques_nm=(nan, *r.torques_nm[1:])), "torques_nm of ankle"),
-        (lambda r: r._replace(events=(["gone", 1, "died"],)), "event"),
-        (lambda r: r._replace(events=(["sides", [[0], [1, 2]]],)), "event"),
+        (lambda r: r._replace(events=(Departure(1, "died"),)), "event"),
+        (lambda r: r._replace(events=(Sides(((0,), (1, 2))),)), "event"),
         (lambda r: r._replace(answers=(*r.answers[:2], b"")), "torque frame of hip"),
         (lambda r: r._replace(answers=(*r.answers[:2], r.answers[2][:-1])), "torque frame of hip"),
         (in_frame(torque_nm=1.0), "torque_nm of the torque frame of knee"),
@@ -135,21 +148,18 @@ def test_a_tick_that_is_missing_is_found() -> None:
 @pytest.mark.parametrize(
     "event",
     [
-        ["admitted", 9, 1],
-        ["admitted", 1, "x"],
-        ["gone_midway", 9, "died"],
-        ["excused", 0, 5],
-        ["dance"],
-        ["push", 1],
-        ["push", 1, "hard", 1],
-        ["push", 3, 5.0, 1],
-        ["reference", 1],
-        ["link", [[0, 1]], {"lost": 1.0}],
-        ["link", [[0, 1]], {"loss": "much"}],
-        ["link", [], 1.0],
+        Admission(9, 1),
+        MidwayDeparture(9, "died"),
+        Excuse(0, 5),
+        Push(3, 5.0, 1),
+        Push(2, nan, 1),
+        LinkChange(((0, 2),), {"loss": 1.0}),
+        LinkChange((), {}),
+        SensorFault(5, "all", "off", 0.0, 1),
+        ReferenceChange(1, 4.0),
     ],
 )
-def test_an_event_that_cannot_have_been_is_named(event: list[object]) -> None:
+def test_an_event_that_cannot_have_been_is_named(event: Event) -> None:
     found = replayed(changed(spool(), 20, lambda record: record._replace(events=(event,))))
     assert found is not None
     assert (found.tick, found.replayed) == (20, NOTHING)

@@ -7,6 +7,7 @@ import pytest
 from deploy.scenario_file.load import load
 from module_agent.firmware.config import board_config
 from plant_server.session.config import plant_config
+from protocol.robot.events import SensorFault
 from protocol.robot.hardware import IDEAL, STEADY, FootSheet
 from protocol.robot.scenario import BoardSettings, ScenarioError, ScenarioEvent
 from protocol.robot.sensors import EXACT
@@ -153,21 +154,21 @@ def event(**values: object) -> str:
 @pytest.mark.parametrize(
     ("values", "command"),
     [
-        ({}, ["sensor", KNEE, "encoder", "stuck", 0.0, 0]),
-        ({"duration_s": 0.5}, ["sensor", KNEE, "encoder", "stuck", 0.0, 500]),
-        ({"sensor": "all", "fault": "ok"}, ["sensor", KNEE, "all", "ok", 0.0, 0]),
-        ({"fault": "slow"}, ["sensor", KNEE, "encoder", "slow", 20.0, 0]),
-        ({"fault": "slow", "period_ms": 5}, ["sensor", KNEE, "encoder", "slow", 5.0, 0]),
-        ({"fault": "delayed"}, ["sensor", KNEE, "encoder", "delayed", 100.0, 0]),
-        ({"fault": "delayed", "delay_ms": 30.0}, ["sensor", KNEE, "encoder", "delayed", 30.0, 0]),
-        ({"fault": "intermittent"}, ["sensor", KNEE, "encoder", "intermittent", 0.5, 0]),
+        ({}, SensorFault(KNEE, "encoder", "stuck", 0.0, 0)),
+        ({"duration_s": 0.5}, SensorFault(KNEE, "encoder", "stuck", 0.0, 500)),
+        ({"sensor": "all", "fault": "ok"}, SensorFault(KNEE, "all", "ok", 0.0, 0)),
+        ({"fault": "slow"}, SensorFault(KNEE, "encoder", "slow", 20.0, 0)),
+        ({"fault": "slow", "period_ms": 5}, SensorFault(KNEE, "encoder", "slow", 5.0, 0)),
+        ({"fault": "delayed"}, SensorFault(KNEE, "encoder", "delayed", 100.0, 0)),
+        ({"fault": "delayed", "delay_ms": 30.0}, SensorFault(KNEE, "encoder", "delayed", 30.0, 0)),
+        ({"fault": "intermittent"}, SensorFault(KNEE, "encoder", "intermittent", 0.5, 0)),
         (
             {"joint": "hip", "sensor": "imu", "fault": "intermittent", "probability": 0.1},
-            ["sensor", HIP, "imu", "intermittent", 0.1, 0],
+            SensorFault(HIP, "imu", "intermittent", 0.1, 0),
         ),
     ],
 )
-def test_a_sensor_fails_on_schedule(values: dict[str, object], command: list[object]) -> None:
+def test_a_sensor_fails_on_schedule(values: dict[str, object], command: SensorFault) -> None:
     assert load("paper", [event(**values)]).events == (ScenarioEvent(1000, command),)
 
 

@@ -9,7 +9,9 @@ from deploy.launch.twin import run_twin
 from deploy.outcome.summary import summary
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
+from protocol.robot.events import BoardFault
 from protocol.robot.scenario import ScenarioError
+from protocol.robot.states import FaultCode
 from tests.module_agent.outside import ELECTION, SERVO
 
 WORKS = SERVO.format(body="return -100.0 * seen.error_rad")
@@ -262,8 +264,8 @@ def test_a_failure_is_an_event_of_its_tick_and_in_the_summary(folder: Path) -> N
     run = mine(folder, lines=f'controller = {{knee = "{MINE}"}}')
     what = "ZeroDivisionError: float division by zero"
     where = "my_servo.py:7 in torque_nm: return 1.0 / (seen.tick - 123)"
-    events = [(tick, event) for tick, event in run.events if event[0] == "fault"]
-    assert events == [(123, ["fault", 1, 1, f"{what}\n{where}"])]
+    events = [(tick, event) for tick, event in run.events if isinstance(event, BoardFault)]
+    assert events == [(123, BoardFault(1, FaultCode.CONTROLLER_RAISED, f"{what}\n{where}"))]
     told = summary(run, mode="twin")
     assert told["ending"] == "complete"
     assert told["faults"] == [{"joint": "knee", "tick": 123, "code": 1, "text": f"{what}\n{where}"}]

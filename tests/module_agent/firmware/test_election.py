@@ -14,13 +14,12 @@ from module_agent.firmware.controller import Candidate
 from module_agent.firmware.election import Election, Gossip, Heard
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LinkModel
-from protocol.robot.commands import (
+from protocol.robot.events import (
     ANY,
-    LINK,
     PERFECT,
-    REFERENCE,
-    BoardCommand,
+    LinkOrder,
     LinkParameters,
+    ReferenceOrder,
     encode_board_command,
 )
 from protocol.wire.frames import NO_TICK, LinkFrame, Neighbour, encode
@@ -273,8 +272,7 @@ def test_without_loss_exactly_one_is_enabled_ties_included() -> None:
 
 
 def bad_link(sender: int, **changes: float) -> bytes:
-    values = tuple(PERFECT._replace(**changes))
-    return encode_board_command(BoardCommand(LINK, sender, values))
+    return encode_board_command(LinkOrder(sender, PERFECT._replace(**changes)))
 
 
 CUT, HEALED = 2 * PERIOD_TICKS + 5, 5 * PERIOD_TICKS + 5
@@ -299,7 +297,7 @@ def test_a_cut_chain_follows_its_policy_and_is_one_again_after_healing(
     config = Robot().boards[0].config.election
     assert config is not None
     robot = Robot(sensors=still, election=config._replace(keeps_last=keeps_last))
-    second_to_the_hip = encode_board_command(BoardCommand(REFERENCE, ANY, (0.4,)))
+    second_to_the_hip = encode_board_command(ReferenceOrder(0.4))
     enabled = run(
         robot,
         {
@@ -327,7 +325,7 @@ def test_a_command_is_obeyed_in_the_tick_of_the_observation_that_carries_it() ->
 
 def test_a_new_reference_is_what_an_enabled_board_moves_to() -> None:
     robot = Robot(gains=PROPORTIONAL, sensors=still)
-    command = encode_board_command(BoardCommand(REFERENCE, ANY, (0.2,)))
+    command = encode_board_command(ReferenceOrder(0.2))
     for tick in range(-DELAY_TICKS, PERIOD_TICKS):
         hip = torque(robot.tick(tick, {2: command} if tick == 20 else None)[2])
         if tick >= ROUNDS:

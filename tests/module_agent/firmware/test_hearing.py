@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LinkModel
-from protocol.robot.commands import PERFECT, LinkParameters
+from protocol.robot.events import PERFECT, LinkParameters
 from protocol.wire.frames import (
     NO_TICK,
     End,

@@ -10,7 +10,7 @@ import pytest
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LOST, ON_TIME, Fate, LinkModel
 from protocol.robot.chance import draw
-from protocol.robot.commands import PERFECT, LinkParameters
+from protocol.robot.events import PERFECT, LinkParameters
 from protocol.wire.frames import LinkFrame, Neighbour, encode
 
 pytestmark = pytest.mark.sampling

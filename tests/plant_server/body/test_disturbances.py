@@ -3,6 +3,7 @@
 from plant_server.body.body import Body
 from plant_server.body.chain import Chain
 from plant_server.body.disturbances import Disturbances
+from protocol.robot.events import Push
 from tests.plant_server.body.oracle import random_links
 
 
@@ -11,9 +12,9 @@ def test_a_push_lasts_its_ticks_and_those_on_one_link_add_up() -> None:
         Chain(random_links(2, seed=1)), initial_angles_rad=[0.0] * 2, tick_s=1e-3, substeps=1
     )
     disturbances = Disturbances()
-    disturbances.push(1, 5.0, 3)
-    disturbances.push(1, -2.0, 1)
-    disturbances.push(0, 1.0, 2)
+    disturbances.begin(Push(1, 5.0, 3))
+    disturbances.begin(Push(1, -2.0, 1))
+    disturbances.begin(Push(0, 1.0, 2))
     acting = []
     for _ in range(4):
         disturbances.act_on(body)

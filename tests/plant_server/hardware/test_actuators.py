@@ -102,7 +102,7 @@ def test_a_board_that_goes_takes_its_torque_along() -> None:
     lockstep = plant(motor_sheets=(MotorSheet(torque_rate_nm_s=1000.0),) * 3)
     for _ in range(8):
         play(lockstep, 10.0, 10.0, 10.0)
-    lockstep.remove(KNEE, "test")
+    lockstep.remove(KNEE, "died")
     assert play(lockstep, 10.0, 10.0, 10.0).torques_nm[KNEE] == 0.0
     lockstep.admit(KNEE, 2)
     assert play(lockstep, 10.0, 10.0, 10.0).torques_nm[KNEE] == pytest.approx(1.0)

@@ -81,7 +81,7 @@ def test_without_a_foot_the_ground_takes_any_torque() -> None:
 def test_an_ankle_without_a_board_does_not_tip_the_foot() -> None:
     lockstep = plant(foot=SOLE)
     play(lockstep, 50.0, 0.0, 0.0)
-    lockstep.remove(ANKLE, "test")
+    lockstep.remove(ANKLE, "died")
     left = play(lockstep, 0.0, 0.0, 0.0)
     assert happened(left, "tipping") == [[False]]
     assert left.torques_nm[ANKLE] == 0.0

@@ -6,6 +6,7 @@ import pytest
 
 from plant_server.hardware.sensor_faults import SensorFaults
 from protocol.robot.chance import Chance
+from protocol.robot.events import SensorFault
 from protocol.robot.sensors import (
     ALL,
     FAULTS,
@@ -35,7 +36,7 @@ def shown(broken: SensorFaults, ticks: range) -> list[Readings]:
 
 def angles(kind: FaultKind, amount: float = 0.0, ticks: int = 0, seen: int = 300) -> list[float]:
     broken = faults()
-    broken.obey(START, "encoder", kind, amount, ticks)
+    broken.obey(START, SensorFault(1, "encoder", kind, amount, ticks))
     return [values[0] for values in shown(broken, range(START, START + seen))]
 
 
@@ -72,7 +73,7 @@ def test_intermittent_says_the_truth_or_nothing() -> None:
 
 def test_garbage_is_anything_that_the_sensor_can_show() -> None:
     broken = faults()
-    broken.obey(START, ALL, "garbage", 0.0, 0)
+    broken.obey(START, SensorFault(1, ALL, "garbage", 0.0, 0))
     for field, values in enumerate(zip(*shown(broken, range(START, START + 2000)), strict=True)):
         assert all(abs(value) <= FULL_SCALES[field] for value in values)
         assert max(values) > 0.98 * FULL_SCALES[field]
@@ -85,7 +86,7 @@ def test_a_fault_touches_its_sensor_and_no_other_and_ends(kind: FaultKind) -> No
     amount = {"slow": 5.0, "delayed": 5.0, "intermittent": 1.0}.get(kind, 0.0)
     for name in SENSORS:
         broken = faults()
-        broken.obey(START, name, kind, amount, 40)
+        broken.obey(START, SensorFault(1, name, kind, amount, 40))
         for tick in range(START, START + 80):
             values = broken.apply(tick, truth(tick))
             others = [field for field in range(7) if field not in PLACES[name]]
@@ -97,16 +98,16 @@ def test_a_fault_touches_its_sensor_and_no_other_and_ends(kind: FaultKind) -> No
 
 def test_another_command_takes_the_place_of_the_one_before() -> None:
     broken = faults()
-    broken.obey(START, "imu", "off", 0.0, 1000)
-    broken.obey(START + 1, "imu", "stuck", 0.0, 0)
+    broken.obey(START, SensorFault(1, "imu", "off", 0.0, 1000))
+    broken.obey(START + 1, SensorFault(1, "imu", "stuck", 0.0, 0))
     assert broken.active(START + 5000) == {"imu": "stuck"}
-    broken.obey(START + 2, "imu", OK, 0.0, 0)
+    broken.obey(START + 2, SensorFault(1, "imu", OK, 0.0, 0))
     assert broken.apply(START + 2, truth(3)) == truth(3)
 
 
 def test_all_are_those_that_the_board_has() -> None:
     broken = faults(has=("encoder", "torque"))
-    broken.obey(START, ALL, "off", 0.0, 0)
+    broken.obey(START, SensorFault(1, ALL, "off", 0.0, 0))
     assert broken.active(START) == {"encoder": "off", "torque": "off"}
     values = broken.apply(START, truth(START))
     assert [isnan(value) for value in values] == [True, False, True, False, False, False, False]
@@ -116,7 +117,7 @@ def test_all_are_those_that_the_board_has() -> None:
 def test_chance_follows_from_seed_and_board(kind: FaultKind, amount: float) -> None:
     def run(seed: int, board: int) -> str:
         broken = faults(seed, board)
-        broken.obey(START, ALL, kind, amount, 0)
+        broken.obey(START, SensorFault(1, ALL, kind, amount, 0))
         return repr(shown(broken, range(START, START + 50)))
 
     assert run(1, 1) == run(1, 1)
@@ -134,7 +135,7 @@ def test_a_sensor_that_is_read_seldom_is_slow_and_late_by_the_same_time(
     kinds: tuple[FaultKind, ...] = "slow", "delayed"
     for kind in kinds:
         broken = SensorFaults(SENSORS, Chance(seed=1, board=1), every_ticks=every)
-        broken.obey(start, "encoder", kind, 20, 0)
+        broken.obey(start, SensorFault(1, "encoder", kind, 20, 0))
         ages = [
             round((truth(tick)[0] - broken.apply(tick, truth(tick))[0]) / 0.001)
             for tick in ticks

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from plant_server.hardware.sensors import Differentiator, Instruments
 from protocol.robot.chance import Chance
 from protocol.robot.clocks import Clock
+from protocol.robot.events import SensorFault
 from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import EXACT, Readings, SensorSheet
 from protocol.wire.frames import Observation, decode
@@ -154,7 +155,7 @@ def test_the_difference_of_steps_is_whole_steps_a_tick() -> None:
     lockstep = plant(
         sensor_sheets=(sheet,) * 3,
         clock_sheets=(STEADY,) * 3,
-        events=[(50, ["sensor", KNEE, "encoder", "stuck", 0.0, 0])],
+        events=[(50, SensorFault(KNEE, "encoder", "stuck", 0.0, 0))],
     )
     told: list[Observation] = []
     for _ in range(100):
@@ -206,7 +207,7 @@ def test_another_board_begins_without_a_rate() -> None:
         play(lockstep)
     assert opened(lockstep)[KNEE].readings.joint_rad_s != 0.0
     finish(lockstep)
-    lockstep.remove(KNEE, "test")
+    lockstep.remove(KNEE, "died")
     for _ in range(50):
         play(lockstep)
     lockstep.admit(KNEE, 2)

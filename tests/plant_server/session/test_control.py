@@ -10,7 +10,17 @@ import pytest
 
 from plant_server.session.control import ONE_WAY_AFTER_TICKS, STATUS, answer
 from plant_server.session.lockstep import Lockstep
-from protocol.robot.commands import Command, LinkParameters
+from protocol.robot.events import (
+    Command,
+    LinkChange,
+    LinkParameters,
+    LinkRepair,
+    Plug,
+    Push,
+    ReferenceChange,
+    Unplug,
+    values_of,
+)
 from protocol.robot.states import Counters, State
 from protocol.wire.frames import VERSION, LinkUse, TorqueFrame, encode, seal
 from tests.plant_server.plant import (
@@ -30,7 +40,7 @@ from tests.plant_server.plant import (
 
 def ask(lockstep: Lockstep, request: object, version: object = VERSION) -> dict[str, Any]:
     """Ask as the command line does; anything but the status is a command in JSON."""
-    content = request if request == STATUS else json.dumps(request)
+    content = request if request == STATUS else json.dumps(request, default=values_of)
     return asked(lockstep, seal(msgpack.packb((version, content))))
 
 
@@ -41,12 +51,12 @@ def asked(lockstep: Lockstep, payload: bytes) -> dict[str, Any]:
 
 
 COMMANDS: list[Command] = [
-    ["link", [[0, 1], [1, 0]], {"cut": 1.0}],
-    ["link", [], {"loss": 0.2, "delay_ticks": 5}],
-    ["heal", []],
-    ["reference", 2, 0.1],
-    ["push", 2, 40.0, 100],
-    ["unplug", 1],
+    LinkChange(((0, 1), (1, 0)), {"cut": 1.0}),
+    LinkChange((), {"loss": 0.2, "delay_ticks": 5}),
+    LinkRepair(()),
+    ReferenceChange(2, 0.1),
+    Push(2, 40.0, 100),
+    Unplug(1),
 ]
 
 
@@ -63,9 +73,9 @@ def test_a_command_takes_effect_in_the_tick_that_is_named(command: Command) -> N
 
 
 def test_commands_given_at_once_are_told_each_its_own_tick() -> None:
-    lockstep = plant(events=[(1, ["push", HIP, 1.0, 1])])
+    lockstep = plant(events=[(1, Push(HIP, 1.0, 1))])
     opened(lockstep)
-    told = [ask(lockstep, ["push", HIP, force, 1])["tick"] for force in (2.0, 3.0, 4.0)]
+    told = [ask(lockstep, Push(HIP, force, 1))["tick"] for force in (2.0, 3.0, 4.0)]
     assert told == [2, 3, 4]
     finish(lockstep)
     begun = {}
@@ -76,28 +86,30 @@ def test_commands_given_at_once_are_told_each_its_own_tick() -> None:
 
 
 REFUSED: list[tuple[object, str]] = [
-    (["plug", 1], "knee is plugged in already"),
-    (["unplug", 2], "hip is not plugged in"),
-    (["reference", 2, 0.1], "hip is not plugged in"),
-    (["unplug", 3], "there is no board 3; the body has ankle, knee, hip"),
-    (["push", -1, 40.0, 100], "there is no board -1"),
-    (["push", 2, 40.0, 0], "a push lasts 1 to "),
-    (["push", 2, 1e9, 10], "a force of 1000000000.0 N is beyond"),
-    (["push", 2, float("nan"), 10], "a force of nan N"),
-    (["reference", 1, 9.0], "a reference of 515.662°"),
-    (["reference", 1, float("nan")], "a reference of nan°"),
-    (["link", [[0, 2]], {"cut": 1.0}], "ankle and hip have no link"),
-    (["link", [[0, 1]], {"cuts": 1.0}], "a link has no 'cuts'"),
-    (["link", [[0, 1]], {"loss": 1.5}], "loss must be from 0 to 1"),
-    (["link", [[0, 1]], {"loss": float("nan")}], "loss must be from 0 to 1"),
-    (["link", [[0, 1]], {"delay_ticks": 1.5}], "delay_ticks must be whole"),
-    (["link", [[0, 1]], {"loss": "much"}], "loss must be a number"),
-    (["link", [[0, 1]], {}], "no parameter of the link"),
-    (["link", [[0]], {"cut": 1.0}], "not a link"),
-    (["dance"], "not a command"),
-    ([], "not a command"),
-    (7, "not a command"),
-    ({"do": "cut"}, "not a command"),
+    (Plug(1), "knee is plugged in already"),
+    (Unplug(2), "hip is not plugged in"),
+    (ReferenceChange(2, 0.1), "hip is not plugged in"),
+    (Unplug(3), "there is no board 3; the body has ankle, knee, hip"),
+    (Push(-1, 40.0, 100), "push: link: expected int >= 0"),
+    (Push(2, 40.0, 0), "push: ticks: expected int >= 1"),
+    (Push(2, 1e9, 10), "push: force_n: expected float <= 10000.0"),
+    (Push(2, float("nan"), 10), "push: force_n: expected float"),
+    (ReferenceChange(1, 9.0), "reference: reference_rad: expected float <= 3.2"),
+    (ReferenceChange(1, float("nan")), "reference: reference_rad: expected float"),
+    (LinkChange(((0, 2),), {"cut": 1.0}), "ankle and hip have no link"),
+    (["link", [[0, 1]], {"cuts": 1.0}], "link: a link has no 'cuts'; it has loss"),
+    (["link", [[0, 1]], {"loss": 1.5}], "link: loss: expected float <= 1.0"),
+    (["link", [[0, 1]], {"loss": float("nan")}], "link: loss: expected float"),
+    (["link", [[0, 1]], {"delay_ticks": 1.5}], "link: delay_ticks: expected float that's a multi"),
+    (["link", [[0, 1]], {"loss": "much"}], "link: changes: expected float, got str"),
+    (["link", [[0, 1]], {}], "link: changes: expected object of length >= 1"),
+    (["link", [[0]], {"cut": 1.0}], "link: pairs: expected array of length 2, got 1"),
+    (["sensor", 1, "encoder", "drunk", 0.0, 0], "sensor: fault: invalid enum value 'drunk'; there"),
+    (["ready", 1], "there is no 'ready'; there are link, heal"),
+    (["dance"], "there is no 'dance'; there are link, heal"),
+    ([], "not [what, ...]: []"),
+    (7, "not [what, ...]: 7"),
+    ({"do": "cut"}, "not [what, ...]: {'do': 'cut'}"),
 ]
 
 
@@ -117,12 +129,12 @@ def test_a_command_that_cannot_take_effect_is_refused_with_its_reason(
 def test_a_command_for_after_the_end_is_refused() -> None:
     lockstep = plant(ticks=3)
     opened(lockstep)
-    assert ask(lockstep, ["push", HIP, 1.0, 1]) == {"tick": 1}
-    assert ask(lockstep, ["push", HIP, 1.0, 1]) == {"tick": 2}
-    assert ask(lockstep, ["push", HIP, 1.0, 1]) == {"refused": "the run is over at tick 3"}
+    assert ask(lockstep, Push(HIP, 1.0, 1)) == {"tick": 1}
+    assert ask(lockstep, Push(HIP, 1.0, 1)) == {"tick": 2}
+    assert ask(lockstep, Push(HIP, 1.0, 1)) == {"refused": "the run is over at tick 3"}
 
 
-@pytest.mark.parametrize("request_", [STATUS, ["heal", []]], ids=str)
+@pytest.mark.parametrize("request_", [STATUS, LinkRepair(())], ids=str)
 @pytest.mark.parametrize("version", [VERSION + 1, 0, "1", None], ids=str)
 def test_another_version_is_refused_whatever_it_asks(version: object, request_: object) -> None:
     lockstep = plant()
@@ -200,7 +212,7 @@ def test_the_status_tells_of_boards_and_of_whom_the_plant_waits_for() -> None:
 def test_the_status_tells_what_links_suffer_from() -> None:
     """Standing faults and commands; a link without has none."""
     lockstep = plant(standing={(KNEE, HIP): LinkParameters(loss=0.2)})
-    ask(lockstep, ["link", [[0, 1], [1, 0]], {"cut": 1.0}])
+    ask(lockstep, LinkChange(((0, 1), (1, 0)), {"cut": 1.0}))
     play(lockstep)
     play(lockstep)
     status = ask(lockstep, STATUS)

@@ -9,6 +9,14 @@ from deploy.scenario_file.load import load
 from plant_server.record import TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
+from protocol.robot.events import (
+    Departure,
+    EnergyLoss,
+    FreshTorque,
+    ReferenceChange,
+    Sides,
+    StaleTorque,
+)
 from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, LinkUse, Observation, Reason, TorqueFrame, decode, encode
@@ -92,11 +100,11 @@ def test_a_torque_that_is_too_old_is_not_applied_and_counted() -> None:
     records = [play(plant)[1] for _ in range(30)]
     assert [record.torques_nm[0] for record in records] == [5.0] * 21 + [0.0] * 9
     assert plant.stale_ticks == [9, 0, 0]
-    assert ["torque_stale", 0] in records[21].events
+    assert StaleTorque(0) in records[21].events
     plant.answer(0, torque(0, 28, 6.0))
     record = play(plant)[1]
     assert record.torques_nm[0] == 6.0
-    assert ["torque_fresh", 0] in record.events
+    assert FreshTorque(0) in record.events
 
 
 def test_a_clock_that_is_ahead_makes_no_torque_younger() -> None:
@@ -140,7 +148,7 @@ def test_a_board_that_goes_leaves_its_joint_unattended_at_once() -> None:
         play(plant)
     plant.remove(1, "died")
     _, record = play(plant)
-    assert [event[0] for event in record.events] == ["gone", "energy_lost_j", "sides"]
+    assert [type(event) for event in record.events] == [Departure, EnergyLoss, Sides]
     angle_rad = plant.body.angles_rad[1]
     for _ in range(10):
         told, _ = play(plant)
@@ -168,7 +176,7 @@ def test_commands_reach_a_board_in_its_next_observation() -> None:
     while plant.tick % 4 != 1:
         play(plant)
     for rad in (0.1, 0.2):
-        plant.agenda.add(plant.tick, ["reference", 2, rad])
+        plant.agenda.add(plant.tick, ReferenceChange(2, rad))
     told = []
     for _ in range(12):
         plant.begin()

@@ -3,13 +3,17 @@
 import pytest
 
 from plant_server.session.roster import Roster
-from protocol.robot.commands import (
+from protocol.robot.events import (
     ANY,
-    LINK,
     PERFECT,
-    REFERENCE,
     BoardCommand,
+    LinkChange,
+    LinkOrder,
     LinkParameters,
+    LinkRepair,
+    Pairs,
+    ReferenceChange,
+    ReferenceOrder,
     decode_board_command,
 )
 from protocol.wire.frames import NO_TICK, Neighbour
@@ -42,66 +46,69 @@ def told(whole: Roster, board: int) -> list[BoardCommand]:
 
 def test_a_board_is_told_of_links_to_it_and_of_no_others() -> None:
     whole = roster()
-    whole.obey(["link", [[ANKLE, KNEE], [KNEE, ANKLE]], {"cut": 1.0}])
-    assert told(whole, ANKLE) == [BoardCommand(LINK, KNEE, tuple(CUT))]
-    assert told(whole, KNEE) == [BoardCommand(LINK, ANKLE, tuple(CUT))]
+    whole.change(LinkChange(((ANKLE, KNEE), (KNEE, ANKLE)), {"cut": 1.0}))
+    assert told(whole, ANKLE) == [LinkOrder(KNEE, CUT)]
+    assert told(whole, KNEE) == [LinkOrder(ANKLE, CUT)]
     assert told(whole, HIP) == []
 
 
 def test_s15_all_links_change_in_one_tick_for_everybody() -> None:
     """The board in the middle has two of them, and an observation carries one command."""
     whole = roster()
-    whole.obey(["link", [], {"loss": 0.2}])
-    assert told(whole, ANKLE) == told(whole, HIP) == [BoardCommand(LINK, KNEE, tuple(LOSSY))]
-    assert told(whole, KNEE) == [BoardCommand(LINK, ANY, tuple(LOSSY))]
-    whole.obey(["heal", []])
+    whole.change(LinkChange((), {"loss": 0.2}))
+    assert told(whole, ANKLE) == told(whole, HIP) == [LinkOrder(KNEE, LOSSY)]
+    assert told(whole, KNEE) == [LinkOrder(ANY, LOSSY)]
+    whole.change(LinkRepair(()))
     assert [len(told(whole, board)) for board in range(3)] == [1, 1, 1]
 
 
 def test_s15_links_that_differ_take_a_tick_each() -> None:
     """What is queued is in order, one an observation."""
     whole = roster({(HIP, KNEE): LinkParameters(delay_ticks=3.0)})
-    whole.obey(["link", [], {"loss": 0.2}])
+    whole.change(LinkChange((), {"loss": 0.2}))
     assert told(whole, KNEE) == [
-        BoardCommand(LINK, ANKLE, tuple(LOSSY)),
-        BoardCommand(LINK, HIP, tuple(LOSSY._replace(delay_ticks=3.0))),
+        LinkOrder(ANKLE, LOSSY),
+        LinkOrder(HIP, LOSSY._replace(delay_ticks=3.0)),
     ]
-    whole.obey(["link", [[ANKLE, KNEE]], {"cut": 1.0}])
-    whole.obey(["reference", KNEE, 0.1])
-    whole.obey(["link", [[ANKLE, KNEE]], {"cut": 0.0}])
-    kinds = [(command.kind, command.sender) for command in told(whole, KNEE)]
-    assert kinds == [(LINK, ANKLE), (REFERENCE, ANY), (LINK, ANKLE)]
+    whole.change(LinkChange(((ANKLE, KNEE),), {"cut": 1.0}))
+    whole.refer(ReferenceChange(KNEE, 0.1))
+    whole.change(LinkChange(((ANKLE, KNEE),), {"cut": 0.0}))
+    assert told(whole, KNEE) == [
+        LinkOrder(ANKLE, LOSSY._replace(cut=1.0)),
+        ReferenceOrder(0.1),
+        LinkOrder(ANKLE, LOSSY),
+    ]
 
 
 def test_changes_add_up_and_healing_makes_perfect() -> None:
     """Also of what the scenario has for good."""
     whole = roster({(ANKLE, KNEE): LOSSY})
-    whole.obey(["link", [[ANKLE, KNEE]], {"delay_ticks": 2}])
+    whole.change(LinkChange(((ANKLE, KNEE),), {"delay_ticks": 2}))
     assert whole.links[ANKLE, KNEE] == LOSSY._replace(delay_ticks=2.0)
-    whole.obey(["heal", [[ANKLE, KNEE]]])
+    whole.change(LinkRepair(((ANKLE, KNEE),)))
     assert whole.links[ANKLE, KNEE] == PERFECT
-    assert told(whole, KNEE)[-1] == BoardCommand(LINK, ANKLE, tuple(PERFECT))
+    assert told(whole, KNEE)[-1] == LinkOrder(ANKLE, PERFECT)
 
 
 def test_a_new_board_is_told_what_has_changed_since_the_run_began() -> None:
     """It knows the scenario; and nothing waits for it from before."""
     whole = roster({(HIP, KNEE): LOSSY})
-    whole.obey(["link", [[ANKLE, KNEE]], {"cut": 1.0}])
+    whole.change(LinkChange(((ANKLE, KNEE),), {"cut": 1.0}))
     whole.remove(KNEE)
-    whole.obey(["link", [[ANKLE, KNEE]], {"loss": 0.2}])
-    whole.obey(["reference", KNEE, 0.25])
+    whole.change(LinkChange(((ANKLE, KNEE),), {"loss": 0.2}))
+    whole.refer(ReferenceChange(KNEE, 0.25))
     assert told(whole, KNEE) == []
     whole.admit(KNEE, 2)
     assert told(whole, KNEE) == [
-        BoardCommand(LINK, ANKLE, tuple(CUT._replace(loss=0.2))),
-        BoardCommand(REFERENCE, ANY, (0.25,)),
+        LinkOrder(ANKLE, CUT._replace(loss=0.2)),
+        ReferenceOrder(0.25),
     ]
 
 
 def test_a_new_board_is_not_told_what_it_knows() -> None:
     whole = roster({(HIP, KNEE): LOSSY})
-    whole.obey(["link", [[HIP, KNEE]], {"cut": 1.0}])
-    whole.obey(["link", [[HIP, KNEE]], {"cut": 0.0}])
+    whole.change(LinkChange(((HIP, KNEE),), {"cut": 1.0}))
+    whole.change(LinkChange(((HIP, KNEE),), {"cut": 0.0}))
     whole.remove(KNEE)
     whole.admit(KNEE, 2)
     assert told(whole, KNEE) == []
@@ -123,16 +130,16 @@ def test_the_neighbours_of_a_board() -> None:
 @pytest.mark.parametrize(
     ("cut", "sides"),
     [
-        ([], [[0, 1, 2, 3]]),
-        ([[1, 2]], [[0, 1, 2, 3]]),  # One way: they still hear of each other.
-        ([[1, 2], [2, 1]], [[0, 1], [2, 3]]),
-        ([[0, 1], [1, 0], [2, 3], [3, 2]], [[0], [1, 2], [3]]),
+        ((), [[0, 1, 2, 3]]),
+        (((1, 2),), [[0, 1, 2, 3]]),  # One way: they still hear of each other.
+        (((1, 2), (2, 1)), [[0, 1], [2, 3]]),
+        (((0, 1), (1, 0), (2, 3), (3, 2)), [[0], [1, 2], [3]]),
     ],
 )
-def test_sides_are_who_can_reach_whom(cut: list[list[int]], sides: list[list[int]]) -> None:
+def test_sides_are_who_can_reach_whom(cut: Pairs, sides: list[list[int]]) -> None:
     whole = roster(size=4)
     if cut:
-        whole.obey(["link", cut, {"cut": 1.0}])
+        whole.change(LinkChange(cut, {"cut": 1.0}))
     assert whole.sides() == sides
 
 

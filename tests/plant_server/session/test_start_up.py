@@ -1,7 +1,7 @@
 """A board that is plugged in takes a while: until then it is nobody."""
 
 from plant_server.session.lockstep import Lockstep
-from protocol.robot.commands import Command
+from protocol.robot.events import Command, Plug, Unplug
 from protocol.robot.hardware import STEADY, ClockSheet
 from protocol.robot.sensors import EXACT
 from tests.plant_server.plant import KNEE, happened, plant, play
@@ -11,22 +11,22 @@ SLOW = ClockSheet(start_up_ticks=20, start_up_jitter_ticks=5)
 
 def pulled(sheet: ClockSheet, *more: tuple[int, Command], seed: int = 0) -> Lockstep:
     """A plant whose knee has been pulled out, and is plugged in again at tick 10."""
-    events = [(10, ["plug", KNEE]), *more]
+    events = [(10, Plug(KNEE)), *more]
     lockstep = plant(
         events=events, sensor_sheets=(EXACT,) * 3, clock_sheets=(STEADY, sheet, STEADY), seed=seed
     )
-    lockstep.remove(KNEE, "test")
+    lockstep.remove(KNEE, "died")
     return lockstep
 
 
 def admitted(lockstep: Lockstep, ticks: int = 60) -> int | None:
     """In which tick the driver is asked to put the knee in."""
     for _ in range(ticks):
-        if lockstep.begin() == ["plug", KNEE]:
+        if lockstep.begin() == Plug(KNEE):
             return lockstep.tick
         list(lockstep.open())
         for board in lockstep.waiting_for:
-            lockstep.remove(board, "of no interest here")
+            lockstep.remove(board, "died")
         lockstep.close()
     return None
 
@@ -42,19 +42,19 @@ def test_a_slow_one_is_there_later_by_its_time_and_some_jitter() -> None:
 
 
 def test_it_is_asked_for_once_however_often_it_is_plugged_in() -> None:
-    lockstep = pulled(SLOW, (15, ["plug", KNEE]), (20, ["plug", KNEE]))
+    lockstep = pulled(SLOW, (15, Plug(KNEE)), (20, Plug(KNEE)))
     first = admitted(lockstep)
     assert first is not None
     assert 30 <= first <= 35
     list(lockstep.open())
     for board in lockstep.waiting_for:
-        lockstep.remove(board, "of no interest here")
+        lockstep.remove(board, "died")
     lockstep.close()
     assert admitted(lockstep) is None
 
 
 def test_pulled_out_again_while_it_starts_it_never_comes() -> None:
-    assert admitted(pulled(SLOW, (15, ["unplug", KNEE]))) is None
+    assert admitted(pulled(SLOW, (15, Unplug(KNEE)))) is None
 
 
 def test_the_plant_goes_on_meanwhile_and_says_when_it_is_ready() -> None:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import pi
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,6 +17,7 @@ from deploy.scenario_file.load import load
 from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven, Walls
 from plant_server.spool import chunks, spool
 from plant_server.spool.spool import SpoolWriter, read_spool
+from protocol.robot.events import Departure, Event, Push, Sides
 from protocol.wire.frames import encode
 from protocol.wire.timing import TickTiming, Timing
 
@@ -42,10 +42,10 @@ def records(count: int, *, seed: int = 1) -> list[TickRecord]:
     def answers() -> tuple[bytes, ...]:
         return tuple(rng.randbytes(rng.randint(0, 30)) for _ in range(3))
 
-    def events(tick: int) -> tuple[list[Any], ...]:
+    def events(tick: int) -> tuple[Event, ...]:
         if tick % 3:
             return ()
-        return ["push", 2, 40.0, tick], ["sides", [[0], [1, 2]]], ["gone", 1, "died"]
+        return Push(2, 40.0, tick + 3), Sides(((0,), (1, 2))), Departure(1, "died")
 
     return [
         TickRecord(tick, numbers(), numbers(), numbers(), answers(), events(tick))

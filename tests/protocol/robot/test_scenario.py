@@ -140,7 +140,7 @@ def test_what_is_written_is_read_back_as_it_was() -> None:
         (("board",), [], "board: expected array of length >= 1"),
         (("link_names",), ["one"], "link_names: 1 names for 3 boards"),
         (("link",), [[0, 2, {"loss": 0.1}]], "link.0: ankle and hip have no link"),
-        (("link",), [[0, 1, {"loss": 1.1}]], "link.0: loss must be from 0 to 1"),
+        (("link",), [[0, 1, {"loss": 1.1}]], "link.0: loss: expected float <= 1.0"),
         (("event", 0, 1, 1), 7, "event.0: there is no board 7; the body has ankle, knee, hip"),
         (("event", 0, 0), -1, "event.0.0: expected int >= 0"),
         (

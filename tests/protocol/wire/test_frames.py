@@ -375,7 +375,7 @@ def test_bounds_are_where_the_specification_needs_them() -> None:
 
 
 def test_a_command_of_any_bytes_passes_the_frame() -> None:
-    """What it means is up to the board (`protocol.robot.commands`)."""
+    """What it means is up to the board (`protocol.robot.events`)."""
     for command in (b"", b"\xc1", bytes(LONGEST_COMMAND)):
         observation = SAMPLES[0]._replace(command=command)
         assert decode(Observation, encode(observation)).command == command

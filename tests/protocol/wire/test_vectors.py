@@ -10,7 +10,15 @@ import pytest
 
 from module_agent.firmware import link_model
 from protocol.robot.chance import draw
-from protocol.robot.commands import LINK, PERFECT, TICKS, check_command, decode_board_command
+from protocol.robot.events import (
+    IN_TICKS,
+    PERFECT,
+    LinkChange,
+    LinkOrder,
+    ReferenceOrder,
+    check_event,
+    decode_board_command,
+)
 from protocol.robot.sensors import Readings
 from protocol.robot.states import COUNTERS, State
 from protocol.wire import enrolment, frames, keys
@@ -153,9 +161,8 @@ def test_the_specification_lists_the_parameters_of_a_link_in_their_order() -> No
     assert [name for _, name, _, _ in rows] == list(PERFECT._fields)
     for place, name, perfect, most in rows:
         assert float(perfect) == PERFECT[int(place)]
-        most_ticks = ["link", [], {name: int(most)}]
-        check_command(most_ticks, ["ankle", "knee"])
-        assert int(most) == (31 if name in TICKS else 1)
+        check_event(LinkChange((), {name: int(most)}), ["ankle", "knee"])
+        assert int(most) == (31 if name in IN_TICKS else 1)
 
 
 def test_the_specification_lists_the_counters_in_their_order() -> None:
@@ -167,8 +174,7 @@ def test_the_specification_lists_the_counters_in_their_order() -> None:
 def test_commands_in_vectors_are_commands() -> None:
     told = [bytes.fromhex(vector["values"].get("command", "")) for vector in vectors()]
     decoded = [decode_board_command(payload) for payload in told if payload]
-    assert {command.kind for command in decoded if command is not None} == {LINK, LINK + 1}
-    assert None not in decoded
+    assert {type(command) for command in decoded} == {LinkOrder, ReferenceOrder}
 
 
 def test_every_key_is_in_the_table_of_the_specification() -> None:

@@ -14,12 +14,14 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from deploy.recording.logical_digest import logical_sha256
+from deploy.recording.mcap.bodies import to_event
 from deploy.recording.mcap.contents import METADATA, NoRecordingError
 from deploy.recording.mcap.file import read_mcap, write_mcap
 from deploy.recording.mcap.messages import channels
 from deploy.recording.trajectory import recorded_trajectory
 from plant_server.record import FELL, Undriven
 from plant_server.spool.spool import Spool
+from protocol.robot.events import EnergyLoss, MidwayDeparture
 from protocol.robot.sensors import Readings
 from protocol.wire.frames import VERSION, LinkFrame, Observation, TorqueFrame, decode, encode, seal
 from tests.deploy.spools import SHORT, by_the_wall, opened_ns, spool, timed
@@ -88,7 +90,7 @@ def odd(of: Spool) -> Spool:
         angles_rad=(nan, inf, -0.0),
         rates_rad_s=(-inf, 1e308, 5e-324),
         answers=(encode(frame), b"", seal(long)),
-        events=(["energy_lost_j", 1, nan], ["gone_midway", 1, "died"]),
+        events=(EnergyLoss(1, nan), MidwayDeparture(1, "died")),
     )
     assert of.outcome is not None
     undriven = Undriven("knee", -3, "braked", has_board=False)
@@ -141,8 +143,8 @@ def test_the_metadata_say_what_it_is_without_reading_on(tmp_path: Path) -> None:
 
 def problems(value: Any, schema: dict[str, Any], where: str) -> Iterator[str]:
     """What a JSON schema of ours finds wrong; words for numbers that are none are let through."""
-    kinds = {"object": dict, "array": list, "string": str, "integer": int, "number": float}
-    allowed: tuple[type, ...] = (kinds[schema["type"]],)
+    kinds = {"array": list, "boolean": bool, "integer": int, "number": float, "object": dict}
+    allowed: tuple[type, ...] = (kinds.get(schema["type"], str),)
     if schema["type"] == "number":
         allowed = (float, int)
         if value in ("NaN", "Infinity", "-Infinity"):
@@ -152,7 +154,7 @@ def problems(value: Any, schema: dict[str, Any], where: str) -> Iterator[str]:
     elif schema["type"] == "array":
         for i, item in enumerate(value):
             yield from problems(item, schema["items"], f"{where}[{i}]")
-    elif schema["type"] == "object":
+    elif "properties" in schema:
         properties = schema["properties"]
         yield from (f"{where} lacks {name}" for name in schema["required"] if name not in value)
         for name, item in value.items():
@@ -255,7 +257,7 @@ def test_every_epoch_and_event_is_told(found: Found) -> None:
     assert (first["began_tick"], first["members"]) == (0, ["ankle", "knee", "hip"])
     assert max(first["w_rad"]) == first["w_rad"][2] > 0.5
     events = [event for record in storm().ticks for event in record.events]
-    assert [json.loads(body["event"]) for *_, body in found["/event"]] == events
+    assert [to_event(body) for *_, body in found["/event"]] == events
     assert {"admitted", "link", "push", "unplug", "gone", "plug", "sides"} <= {
         body["what"] for *_, body in found["/event"]
     }

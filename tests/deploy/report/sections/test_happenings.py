@@ -1,12 +1,31 @@
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import pytest
 
 from deploy.recording.trajectory import Trajectory
 from deploy.report.sections.happenings import Kind, Span, timeline, told
-from protocol.robot.states import State
+from protocol.robot.events import (
+    Admission,
+    BoardFault,
+    Departure,
+    EnergyLoss,
+    Event,
+    Excuse,
+    FreshTorque,
+    LinkChange,
+    LinkRepair,
+    MidwayDeparture,
+    Push,
+    Ready,
+    ReferenceChange,
+    SensorFault,
+    Sides,
+    StaleTorque,
+    Tipping,
+    Unplug,
+)
+from protocol.robot.states import FaultCode, State
 from tests.deploy.recordings import run
 
 pytestmark = pytest.mark.slow
@@ -65,9 +84,9 @@ def test_a_board_that_failed_says_with_which_code() -> None:
     state[100:200, 2], state[200:300, 2], state[300:310, 2] = State.FAULT, 0, State.SYNCING
     state[400:, 2] = State.FAULT
     state[50:60, 1] = State.SAFE
-    events: list[tuple[int, list[Any]]] = [
-        (100, ["fault", 2, 2, "no torque: nan"]),
-        (400, ["fault", 2, 3, "ValueError: no idea"]),
+    events: list[tuple[int, Event]] = [
+        (100, BoardFault(2, FaultCode.CONTROLLER_NO_TORQUE, "no torque: nan")),
+        (400, BoardFault(2, FaultCode.ELECTION_RAISED, "ValueError: no idea")),
     ]
     found = lanes(replace(trajectory, events=events, state=state))
     assert [(span.first_tick, span.end_tick, span.label) for span in found["hip"]] == [
@@ -93,10 +112,10 @@ def test_a_run_that_was_cut_short_says_how_it_ended() -> None:
 
 def test_healing_ends_faults_for_good() -> None:
     trajectory = run("paper", "run.duration_s=0.5")
-    events: list[tuple[int, list[Any]]] = [
-        (100, ["link", [[0, 1]], {"loss": 0.5}]),
-        (200, ["link", [], {"delay_ticks": 3.0}]),
-        (300, ["heal", []]),
+    events: list[tuple[int, Event]] = [
+        (100, LinkChange(((0, 1),), {"loss": 0.5})),
+        (200, LinkChange((), {"delay_ticks": 3.0})),
+        (300, LinkRepair(())),
     ]
     spans = timeline(replace(trajectory, events=events))
     assert [(span.lane, span.first_tick, span.end_tick, span.label) for span in spans] == [
@@ -109,12 +128,12 @@ def test_healing_ends_faults_for_good() -> None:
 
 def test_a_sensor_fails_until_its_time_is_over_or_another_command_comes() -> None:
     trajectory = run("paper", "run.duration_s=0.5")
-    events = [
-        (100, ["sensor", 1, "encoder", "stuck", 0.0, 50]),
-        (200, ["sensor", 0, "encoder", "off", 0.0, 0]),
-        (300, ["sensor", 0, "all", "garbage", 0.0, 0]),
-        (400, ["sensor", 0, "encoder", "ok", 0.0, 0]),
-        (450, ["sensor", 2, "imu", "slow", 20.0, 900]),
+    events: list[tuple[int, Event]] = [
+        (100, SensorFault(1, "encoder", "stuck", 0.0, 50)),
+        (200, SensorFault(0, "encoder", "off", 0.0, 0)),
+        (300, SensorFault(0, "all", "garbage", 0.0, 0)),
+        (400, SensorFault(0, "encoder", "ok", 0.0, 0)),
+        (450, SensorFault(2, "imu", "slow", 20.0, 900)),
     ]
     spans = timeline(replace(trajectory, events=events))
     assert [(span.lane, span.first_tick, span.end_tick, span.label) for span in spans] == [
@@ -128,40 +147,37 @@ def test_a_sensor_fails_until_its_time_is_over_or_another_command_comes() -> Non
 @pytest.mark.parametrize(
     ("event", "words"),
     [
-        (["link", [[0, 1], [1, 0]], {"cut": 1.0}], "ankle-knee: cut"),
-        (["link", [[2, 1]], {"cut": 0.0}], "hip → knee: end of cut"),
-        (["link", [], {"loss": 0.2, "jitter_ticks": 2.0}], "all links: loss 0.2, jitter 2 ms"),
-        (["heal", []], "all links: perfect again"),
-        (["push", 2, -40.0, 100], "trunk: pushed with -40 N for 100 ms"),
-        (["reference", 1, 0.05235987755982988], "knee: reference 3°"),
-        (["unplug", 1], "knee: command unplug"),
-        (["gone", 1, "died"], "knee: gone: died"),
-        (["gone_midway", 1, "died"], "knee: gone in the middle of the tick: died"),
-        (["admitted", 1, 2], "knee: admitted, incarnation 2"),
-        (["energy_lost_j", 1, 0.125], "knee: joint braked, which took 0.125 J"),
-        (["sides", [[0], [2]]], "cut apart: ankle | hip"),
-        (["sides", []], "connected: no board"),
-        (["sides", [[0, 1, 2]]], "connected: ankle, knee, hip"),
-        (["ready", 1], "knee: has started up"),
-        (["sensor", 1, "encoder", "stuck", 0.0, 60], "knee: sensor encoder is stuck for 60 ms"),
-        (["sensor", 1, "imu", "off", 0.0, 0], "knee: sensor imu is off"),
-        (["sensor", 1, "all", "off", 0.0, 60], "knee: all sensors are off for 60 ms"),
-        (["torque_stale", 1], "knee: its torque is too old, so 0 N m are applied"),
-        (["torque_fresh", 1], "knee: a new torque has come"),
-        (["sensor", 1, "encoder", "ok", 0.0, 0], "knee: sensor encoder is whole again"),
-        (["tipping", True], "the foot begins to tip"),
-        (["tipping", False], "the foot is flat again"),
-        (["excused", 0, 1], "knee: goes on without a frame of ankle"),
+        (LinkChange(((0, 1), (1, 0)), {"cut": 1.0}), "ankle-knee: cut"),
+        (LinkChange(((2, 1),), {"cut": 0.0}), "hip → knee: end of cut"),
+        (LinkChange((), {"loss": 0.2, "jitter_ticks": 2.0}), "all links: loss 0.2, jitter 2 ms"),
+        (LinkRepair(()), "all links: perfect again"),
+        (Push(2, -40.0, 100), "trunk: pushed with -40 N for 100 ms"),
+        (ReferenceChange(1, 0.05235987755982988), "knee: reference 3°"),
+        (Unplug(1), "knee: command unplug"),
+        (Departure(1, "died"), "knee: gone: died"),
+        (MidwayDeparture(1, "died"), "knee: gone in the middle of the tick: died"),
+        (Admission(1, 2), "knee: admitted, incarnation 2"),
+        (EnergyLoss(1, 0.125), "knee: joint braked, which took 0.125 J"),
+        (Sides(((0,), (2,))), "cut apart: ankle | hip"),
+        (Sides(()), "connected: no board"),
+        (Sides(((0, 1, 2),)), "connected: ankle, knee, hip"),
+        (Ready(1), "knee: has started up"),
+        (SensorFault(1, "encoder", "stuck", 0.0, 60), "knee: sensor encoder is stuck for 60 ms"),
+        (SensorFault(1, "imu", "off", 0.0, 0), "knee: sensor imu is off"),
+        (SensorFault(1, "all", "off", 0.0, 60), "knee: all sensors are off for 60 ms"),
+        (StaleTorque(1), "knee: its torque is too old, so 0 N m are applied"),
+        (FreshTorque(1), "knee: a new torque has come"),
+        (SensorFault(1, "encoder", "ok", 0.0, 0), "knee: sensor encoder is whole again"),
+        (Tipping(begins=True), "the foot begins to tip"),
+        (Tipping(begins=False), "the foot is flat again"),
+        (Excuse(0, 1), "knee: goes on without a frame of ankle"),
         (
-            ["fault", 1, 1, "ValueError: no idea\nmine.py:5 in torque_nm"],
-            "knee: fault 1 (controller raised): ValueError: no idea; mine.py:5 in torque_nm",
+            BoardFault(1, FaultCode.CONTROLLER_RAISED, "ValueError: no\nmine.py:5 in torque_nm"),
+            "knee: fault 1 (controller raised): ValueError: no; mine.py:5 in torque_nm",
         ),
-        (["fault", 1, 99, "odd"], "knee: fault 99 (of another version): odd"),
-        (["invented", 1, 7], "knee: invented 7"),
-        (["invented", "elsewhere"], '["invented", "elsewhere"]'),
     ],
 )
-def test_every_event_is_told_in_words(event: list[Any], words: str) -> None:
+def test_every_event_is_told_in_words(event: Event, words: str) -> None:
     trajectory = run("paper", "run.duration_s=0.5")
     (found,) = told(replace(trajectory, events=[(7, event)]))
     assert found == (7, words)

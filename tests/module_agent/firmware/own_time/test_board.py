@@ -10,7 +10,7 @@ from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.own_time.board import OwnTimeBoard
 from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
-from protocol.robot.commands import ANY, REFERENCE, BoardCommand, encode_board_command
+from protocol.robot.events import ReferenceOrder, encode_board_command
 from protocol.robot.states import State
 from protocol.wire.frames import (
     NO_TICK,
@@ -50,7 +50,7 @@ def observation(index: int, tick: int, *, command: bytes = b"", incarnation: int
 
 
 def reference(rad: float) -> bytes:
-    return encode_board_command(BoardCommand(REFERENCE, ANY, (rad,)))
+    return encode_board_command(ReferenceOrder(rad))
 
 
 @pytest.mark.parametrize(("index", "delay"), [(0, 4), (1, 9), (2, 1)])

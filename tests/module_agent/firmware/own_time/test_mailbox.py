@@ -9,7 +9,7 @@ from module_agent.firmware.link_model import LinkModel
 from module_agent.firmware.own_time.mailbox import FRAMES_MAX, STALE_PERIODS, Mailbox
 from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
-from protocol.robot.commands import PERFECT, LinkParameters
+from protocol.robot.events import PERFECT, LinkParameters
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Neighbour, Reason, encode
 from protocol.wire.trace import Lived, Taken
 from protocol.wire.trace_differences import TraceWriter, decode_trace
