@@ -19,9 +19,9 @@ MODULES = {
     "module_agent/process": ("lockstep", "membership", "network", "own_time"),
     "plant_server/body": ("articulated", "body", "disturbances"),
     "plant_server/hardware": ("actuators", "sensor_faults", "sensors"),
-    "plant_server/process": ("network", "realtime", "runtime"),
+    "plant_server/process": ("board_processes", "lockstep_loop", "network", "realtime_loop"),
     "plant_server/session": (
-        "answers", "attendance", "free_running", "lockstep", "roster", "telemetry",
+        "attendance", "free_running", "lockstep", "plant", "roster", "telemetry",
     ),
 }  # fmt: skip
 SHARED = "protocol.control_loop"

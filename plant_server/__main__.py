@@ -8,9 +8,8 @@ from pathlib import Path
 
 import zenoh
 
-from plant_server.process.network import Post
-from plant_server.process.options import Options
-from plant_server.process.realtime import runtime_for
+from plant_server.process.network import Network
+from plant_server.process.runtime import Options, assemble
 from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
 from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
@@ -68,9 +67,15 @@ def serve(scenario: Scenario, options: Options) -> int:
     with session:
         try:
             with restarted_when_stuck():
-                post = Post(session, rig, scenario.joints, records=options.spool is not None)
+                network = Network(
+                    session,
+                    rig,
+                    scenario.joints,
+                    records=options.spool is not None,
+                    in_realtime=scenario.realtime is not None,
+                )
             with _recording(scenario, options) as writer:
-                outcome = runtime_for(post, scenario, rig, options, writer).run()
+                outcome = assemble(network, scenario, options, writer).run()
         except OSError as error:
             print(f"plant: cannot write {options.spool}: {error.strerror}", file=sys.stderr)
             return ExitCode.NO_OUTPUT

@@ -53,7 +53,7 @@ def _run_twin(scenario: Scenario, folder: Path, watch: Watch) -> int:
         redirect_stdout(sys.stderr),  # What a controller prints is none of our output.
     ):
         try:
-            while not twin.lockstep.over:
+            while not twin.lockstep.plant.over:
                 twin.think()  # Somebody's controller may never come back: Ctrl-C ends it.
                 with undisturbed:
                     record = twin.lockstep.close()
@@ -66,11 +66,11 @@ def _run_twin(scenario: Scenario, folder: Path, watch: Watch) -> int:
                         watch.on_line(_fault_line(twin, record.tick, event.board))
         except StoppedError:
             stopped = STOPPED
-        outcome = twin.lockstep.outcome(time.monotonic() - started, stopped)
+        outcome = twin.lockstep.plant.outcome(time.monotonic() - started, stopped)
         spool.close(outcome)
     if stopped is not None:
         raise StoppedError
-    if not twin.lockstep.body.fallen:
+    if not twin.lockstep.plant.body.fallen:
         return ExitCode.OK
     watch.on_line(fall_line(outcome, scenario.run.tick_s))
     return ExitCode.FELL

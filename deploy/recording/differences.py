@@ -139,8 +139,10 @@ def _said(frame: bytes) -> str:
 def _outcome_values(outcome: Outcome, replay: Replay) -> Iterator[Pair]:
     """How it ended: a run that came to its own end must have come to it here too."""
     by_itself = outcome.ending in (COMPLETE, FELL)
-    ended = replay.lockstep.outcome(outcome.wall_s, None if by_itself else outcome.ending)
+    ended = replay.twin.lockstep.plant.outcome(
+        outcome.wall_s, None if by_itself else outcome.ending
+    )
     for name, past, now in zip(Outcome._fields, outcome, ended, strict=True):
         yield f"{name} of the outcome", past, now
     if by_itself:
-        yield "the run is over", True, replay.lockstep.over
+        yield "the run is over", True, replay.twin.lockstep.plant.over

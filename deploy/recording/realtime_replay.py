@@ -21,9 +21,9 @@ from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import Actuation
 from module_agent.firmware.config import board_config
 from plant_server.record import TickRecord
-from plant_server.session.agenda import Agenda
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
+from plant_server.session.plant import Plant
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import (
     Admission,
@@ -126,8 +126,7 @@ class PlantReplay:
 
     def __init__(self, spool: Spool) -> None:
         self.run_id = _run_id(spool) or run_id(spool.scenario.digest)
-        self.plant = FreeRunning(plant_config(spool.scenario), run_id=self.run_id)
-        self.plant.agenda = Agenda([])  # What came of the scenario's events was recorded.
+        self.running = FreeRunning(Plant(plant_config(spool.scenario), run_id=self.run_id))
         self.observations: dict[Life, dict[int, bytes]] = {}
         """What each board was told, by tick."""
         self.in_force: dict[Life, dict[int, bytes]] = {}
@@ -139,10 +138,10 @@ class PlantReplay:
 
         Raises one of `IMPOSSIBLE`.
         """
-        plant = self.plant
+        running, plant = self.running, self.running.plant
         for event in record.events:
-            self._happen(event, record.tick)
-        observations = dict(plant.open())
+            self._happen(event)
+        observations = dict(running.open())
         for board, payload in observations.items():
             life = Life(board, plant.roster.incarnations[board])
             self.observations.setdefault(life, {})[record.tick] = payload
@@ -151,8 +150,8 @@ class PlantReplay:
                 frame = decode(TorqueFrame, payload)
                 life = Life(board, frame.incarnation)
                 self.in_force.setdefault(life, {})[frame.tick] = payload
-                plant.answer(board, payload)
-        played = plant.close()
+                running.answer(board, payload)
+        played = running.close()
         # Boards tell of faults; the plant is not asked to make them again.
         events = (event for event in record.events if not isinstance(event, BoardFault))
         told = record._replace(events=tuple(events))
@@ -162,15 +161,15 @@ class PlantReplay:
                 self.differences.append(f"tick {record.tick}: {what} {now}, recorded {then}")
         return observations
 
-    def _happen(self, event: Event, tick: int) -> None:
-        check_event(event, list(self.plant.config.joints))
+    def _happen(self, event: Event) -> None:
+        plant = self.running.plant
+        check_event(event, list(plant.config.joints))
         if isinstance(event, Scheduled):
-            self.plant.agenda.add(tick, event)
-            self.plant.begin()
+            plant.obey(event)
         elif isinstance(event, Admission):
-            self.plant.admit(event.board, event.incarnation)
+            plant.admit(event.board, event.incarnation)
         elif isinstance(event, Departure):
-            self.plant.remove(event.board, event.why)
+            self.running.remove(event.board, event.why)
         elif isinstance(event, Midway | Consequence):
             pass  # Nobody is waited for, so that nothing comes midway; the rest comes by itself.
         else:

@@ -51,7 +51,7 @@ class Reconstruction:
 
     def __init__(self, scenario: Scenario) -> None:
         self.replay = Replay(scenario)
-        self.links = list(self.replay.lockstep.roster.links)
+        self.links = list(self.replay.twin.lockstep.plant.roster.links)
         self._receipts = _receipts(len(scenario.joints))
         self._fates = FateTracker(len(scenario.joints))
         self._refused: dict[tuple[int, int, int], int] = {}

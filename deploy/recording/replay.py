@@ -17,7 +17,6 @@ from module_agent.firmware.board import Board
 from module_agent.firmware.config import board_config
 from module_agent.firmware.link_model import Fate, LinkModel
 from plant_server.record import TickRecord
-from plant_server.session.agenda import Agenda
 from protocol.robot.events import (
     Admission,
     BetweenTicks,
@@ -90,84 +89,74 @@ class Played(NamedTuple):
     """What the link models made of the frames of the tick before that were there to be used."""
 
 
-class Replay(Twin):
+class Replay:
     """The twin of a robot whose run was recorded."""
 
     def __init__(self, scenario: Scenario) -> None:
-        super().__init__(scenario)
-        self.lockstep.agenda = Agenda([])  # What came of the scenario's events was recorded.
-        self.witnesses: list[list[Witness]] = [[] for _ in self.boards]
+        self.twin = Twin(scenario, empty=True)  # Who came, and when, is in the recording.
+        self.witnesses: list[list[Witness]] = [[] for _ in self.twin.boards]
         self.everybody: list[Board] = []
         """All boards there have been, also those that are gone."""
 
     def play(self, recorded: TickRecord) -> Played:
         """Play the next tick. Raises `UnplayableError`."""
-        lockstep = self.lockstep
+        lockstep = self.twin.lockstep
+        roster = lockstep.plant.roster
         if not self.everybody:
             self._name(recorded)
         for event in recorded.events:
             self._check(event)
             if isinstance(event, BetweenTicks):
                 self._before(event)
-        newcomers = frozenset(lockstep.roster.newcomers)
+        newcomers = frozenset(roster.newcomers)
         observations = dict(lockstep.open())
-        incarnations = tuple(lockstep.roster.incarnations)
+        incarnations = tuple(roster.incarnations)
         for event in recorded.events:
             if isinstance(event, Midway):
                 self._midway(event, observations)
+        told, links = {}, dict[Link, bytes]()
         with redirect_stdout(NOWHERE):
-            told, links = self._answer(observations)
+            for board, payload in observations.items():
+                told[board] = self._live(board, payload, links)
         drawn = {
             (witness.sender, witness.receiver): witness.drawn
-            for index in observations
-            for witness in self.witnesses[index]
+            for board in observations
+            for witness in self.witnesses[board]
             if witness.drawn is not None
         }
-        record = lockstep.close()
-        return Played(record, incarnations, newcomers, told, links, drawn)
+        return Played(lockstep.close(), incarnations, newcomers, told, links, drawn)
 
-    def _answer(
-        self, observations: dict[int, bytes]
-    ) -> tuple[dict[int, Observation], dict[Link, bytes]]:
-        """Let the boards live through the tick; what each was told, and the link frames said."""
-        told, said = {}, []
-        for index, payload in observations.items():
-            firmware = self.boards[index]
-            assert firmware is not None
-            for witness in self.witnesses[index]:
-                witness.drawn = None
-            try:
-                told[index] = firmware.read(payload)
-            except ProtocolError as error:
-                raise UnplayableError(f"board {index} cannot be told: {error}") from error
-            actuation = firmware.tick(told[index])
-            for fault in actuation.faults:
-                self.lockstep.report(index, fault)
-            self.lockstep.answer(index, actuation.torque)
-            said.append((firmware, actuation.links))
-        links = {}
-        for sender, payloads in said:
-            self._deliver(sender, payloads)
-            for neighbour, payload in zip(sender.config.neighbours, payloads, strict=True):
-                links[sender.config.index, neighbour] = payload
-        return told, links
+    def _live(self, board: int, payload: bytes, links: dict[Link, bytes]) -> Observation:
+        """Let a board live through the tick; what it was told. Keep the link frames it says."""
+        firmware = self.twin.boards[board]
+        assert firmware is not None
+        for witness in self.witnesses[board]:
+            witness.drawn = None
+        try:
+            observation = firmware.read(payload)
+        except ProtocolError as error:
+            raise UnplayableError(f"board {board} cannot be told: {error}") from error
+        actuation = self.twin.live(firmware, observation)
+        for receiver, frame in zip(firmware.config.neighbours, actuation.links, strict=True):
+            self.twin.deliver(board, receiver, frame)
+            links[board, receiver] = frame
+        return observation
 
     def _name(self, recorded: TickRecord) -> None:
         """Call the run what it was called: a plant that is started again chooses another name."""
         for answer in filter(None, recorded.answers):
-            self.run_id = self.lockstep.run_id = decode(TorqueFrame, answer).run_id
+            self.twin.lockstep.plant.run_id = decode(TorqueFrame, answer).run_id
 
     def _check(self, event: Event) -> None:
         try:
-            check_event(event, self.scenario.joints)
+            check_event(event, self.twin.scenario.joints)
         except EventError as error:
             raise UnplayableError(f"{event!r} cannot have happened: {error}") from error
 
     def _before(self, event: BetweenTicks) -> None:
         """Carry out what happened between two ticks."""
         if isinstance(event, Scheduled):
-            self.lockstep.agenda.add(self.lockstep.tick, event)
-            self.lockstep.begin()
+            self.twin.lockstep.plant.obey(event)  # Who is put in or taken away is recorded too.
             return
         match event:
             case Admission(board, incarnation):
@@ -187,16 +176,14 @@ class Replay(Twin):
             case Excuse(sender, receiver):
                 if receiver not in observations:
                     raise UnplayableError(f"{event!r} cannot have happened")
-                observations[receiver] = self.lockstep.excuse(sender, receiver)
+                observations[receiver] = self.twin.lockstep.excuse(sender, receiver)
             case _:
                 assert_never(event)
 
-    def _plug(self, board: int) -> None:
-        """Put in nobody: who came, and when, is in the recording."""
-
     def _admit(self, board: int, incarnation: int) -> None:
-        config = board_config(self.scenario, self.scenario.joints[board])
-        firmware = assemble(config, run_id=self.run_id, incarnation=incarnation)
+        config = board_config(self.twin.scenario, self.twin.scenario.joints[board])
+        run_id = self.twin.lockstep.plant.run_id
+        firmware = assemble(config, run_id=run_id, incarnation=incarnation)
         self.witnesses[board] = [
             Witness(
                 seed=config.seed, sender=sender, receiver=board, standing=hearing.link.parameters
@@ -205,11 +192,9 @@ class Replay(Twin):
         ]
         for hearing, witness in zip(firmware.hearings, self.witnesses[board], strict=True):
             hearing.link = witness
-        self.boards[board] = firmware
         self.everybody.append(firmware)
-        self.lockstep.admit(board, incarnation)
+        self.twin.admit(firmware)
 
     def _lose(self, board: int, why: Why) -> None:
-        self.boards[board] = None
         self.witnesses[board] = []
-        self.lockstep.remove(board, why)
+        self.twin.remove(board, why)

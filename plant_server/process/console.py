@@ -1,4 +1,4 @@
-"""The plant's voice: lines for its user on standard error, for its launcher on standard output."""
+"""The plant's console: its user reads standard error, its launcher reads standard output."""
 
 import sys
 import time
@@ -6,7 +6,7 @@ import time
 SHOW_EVERY_S = 0.1
 
 
-class Voice:
+class Console:
     """Lines of one plant process; without a `launcher` nobody reads its standard output."""
 
     def __init__(self, *, launcher: bool) -> None:

@@ -15,20 +15,30 @@ from protocol.wire import keys
 from protocol.wire.frames import REPORTS, Report
 from protocol.wire.wiring import Rig
 
-ENROL, ALIVE, CONTROL, STALLED, FAULT = range(5)
+ENROL, ALIVE, CONTROL, STALLED, FAULT, TRACE = range(6)
 REPORTS_MAX = 4096
 """Boards say as much in some ten thousand ticks; whoever says more in one loses the oldest."""
 Event = tuple[int, Any]
 """A kind, and what the network brought of it."""
 
 
-class Post:
-    """Publishers, subscribers and queryables of one plant; boards' reports only if it `records`."""
+class Network:
+    """Publishers, subscribers and queryables of one plant.
+
+    It listens to boards' reports only if it `records`, and to their traces only `in_realtime`.
+    """
 
     def __init__(
-        self, session: zenoh.Session, rig: Rig, joints: list[str], *, records: bool
+        self,
+        session: zenoh.Session,
+        rig: Rig,
+        joints: list[str],
+        *,
+        records: bool,
+        in_realtime: bool,
     ) -> None:
-        self.session = session
+        self.rig = rig.name
+        self._session = session
         self.events: SimpleQueue[zenoh.Sample | Event] = SimpleQueue()
         """Torque frames as they come, everything else with its kind."""
         name = rig.name
@@ -55,6 +65,11 @@ class Post:
             *[
                 session.declare_subscriber(keys.fault(name, joint), self._left(FAULT))
                 for joint in joints
+            ],
+            *[
+                session.declare_subscriber(keys.trace(name, joint), self._left(TRACE))
+                for joint in joints
+                if in_realtime
             ],
             session.declare_queryable(keys.ENROL, self._left(ENROL)),
             session.declare_queryable(keys.control(name), self._left(CONTROL)),
@@ -86,7 +101,7 @@ class Post:
         return zenoh.handlers.Callback(lambda content: put((kind, content)), indirect=False)
 
     def _publisher(self, key: str) -> zenoh.Publisher:
-        return self.session.declare_publisher(
+        return self._session.declare_publisher(
             key,
             express=True,
             priority=zenoh.Priority.REAL_TIME,

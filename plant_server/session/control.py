@@ -10,6 +10,7 @@ from zlib import compress
 
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.lockstep import Lockstep
+from plant_server.session.plant import Plant
 from plant_server.session.watch import Watch
 from protocol.robot.events import (
     PERFECT,
@@ -36,7 +37,7 @@ of a link is that long."""
 
 
 def answer(
-    lockstep: Lockstep, joints: list[str], payload: bytes, watch: Watch | None = None
+    driver: Lockstep | FreeRunning, joints: list[str], payload: bytes, watch: Watch | None = None
 ) -> bytes:
     """Answer a request `[version, "status"]` or `[version, command]` with a JSON object."""
     reply: dict[str, Any]
@@ -45,30 +46,31 @@ def answer(
         if version != VERSION:
             reply = {"refused": f"this plant speaks version {VERSION}, not {str(version)[:20]}"}
         elif request == STATUS:
-            reply = status(lockstep, watch or Watch(joints))
+            reply = status(driver, watch or Watch(joints))
         else:
             command = command_of(json.loads(request))
             check_event(command, joints)
-            reply = {"tick": _schedule(lockstep, joints, command)}
+            reply = {"tick": _schedule(driver.plant, joints, command)}
     except (ProtocolError, ValueError, TypeError) as error:
         reply = {"refused": str(error)}
     return compress(json.dumps(reply).encode())
 
 
-def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
+def status(driver: Lockstep | FreeRunning, watch: Watch) -> dict[str, Any]:
     """How the robot is, in words and numbers."""
-    roster, joints = lockstep.roster, watch.joints
+    plant, joints = driver.plant, watch.joints
+    waiting_for = driver.waiting_for if isinstance(driver, Lockstep) else []
     found = {
-        "tick": lockstep.tick,
-        "tick_s": lockstep.config.tick_s,
-        "segments": list(lockstep.config.segments),
-        "waits_for": [joints[board] for board in lockstep.waiting_for],
-        "sides": [[joints[board] for board in side] for side in roster.sides()],
-        "boards": [_board(lockstep, watch, board) for board in range(len(joints))],
+        "tick": plant.tick,
+        "tick_s": plant.config.tick_s,
+        "segments": list(plant.config.segments),
+        "waits_for": [joints[board] for board in waiting_for],
+        "sides": [[joints[board] for board in side] for side in plant.roster.sides()],
+        "boards": [_board(plant, watch, board) for board in range(len(joints))],
         "sensor_faults": [
             {"joint": joint, "sensor": sensor, "fault": fault}
             for board, joint in enumerate(joints)
-            for sensor, fault in lockstep.sensors.faults(board, lockstep.tick).items()
+            for sensor, fault in plant.sensors.faults(board, plant.tick).items()
         ],
         "links": [
             {
@@ -79,19 +81,20 @@ def status(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
                     for name, value in now._asdict().items()
                     if value != getattr(PERFECT, name)
                 },
-                "one_way": _is_deaf(lockstep, sender, receiver),
+                "one_way": _is_deaf(plant, sender, receiver),
             }
-            for (sender, receiver), now in roster.links.items()
+            for (sender, receiver), now in plant.roster.links.items()
         ],
         "storms": [storm._asdict() for storm in watch.storms.raging],
     }
-    if isinstance(lockstep, FreeRunning):
-        found["realtime"] = _realtime(lockstep, joints)
+    if isinstance(driver, FreeRunning):
+        found["realtime"] = _realtime(driver, joints)
     return found
 
 
-def _realtime(plant: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
+def _realtime(running: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
     """How each board keeps its deadlines, and how old its torque is."""
+    plant = running.plant
     return [
         {
             "joint": joint,
@@ -104,76 +107,76 @@ def _realtime(plant: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
         }
         for joint, period, tally, latest, said_tick, stale in zip(
             joints,
-            plant.cadence.ticks_per_period,
-            plant.tallies,
+            running.cadence.ticks_per_period,
+            running.tallies,
             plant.latest,
-            plant.said_ticks,
-            plant.stale_ticks,
+            running.said_ticks,
+            running.stale_ticks,
             strict=True,
         )
     ]
 
 
-def _board(lockstep: Lockstep, watch: Watch, board: int) -> dict[str, Any]:
-    latest, failure = lockstep.latest[board], lockstep.telemetry.failures[board]
+def _board(plant: Plant, watch: Watch, board: int) -> dict[str, Any]:
+    latest, failure = plant.latest[board], plant.telemetry.failures[board]
     about: dict[str, Any] = {
         "joint": watch.joints[board],
-        "incarnation": lockstep.roster.incarnations[board],
-        "state": _state(lockstep, watch, board),
+        "incarnation": plant.roster.incarnations[board],
+        "state": _state(plant, watch, board),
         "enabled": latest is not None and bool(latest.enabled),
         "fault": None
         if failure is None
         else {"code": failure.code, "name": failure.code.title, "text": failure.text},
         "stuck": watch.stuck[board],
-        "counters": lockstep.telemetry.counters(board)._asdict(),
+        "counters": plant.telemetry.counters(board)._asdict(),
     }
     if latest is not None:
         about |= {"torque_nm": latest.torque_nm, "controlled_rad": latest.controlled_rad}
     return about
 
 
-def _state(lockstep: Lockstep, watch: Watch, board: int) -> str:
+def _state(plant: Plant, watch: Watch, board: int) -> str:
     """A firmware state by its name, or "absent": nobody is there, as far as the plant knows."""
-    latest = lockstep.latest[board]
+    latest = plant.latest[board]
     if latest is not None:
         return State(latest.state).name.lower()
-    here = lockstep.roster.present(board) or board in watch.enrolled
+    here = plant.roster.present(board) or board in watch.enrolled
     return State.ENROLLING.name.lower() if here else ABSENT
 
 
-def _is_deaf(lockstep: Lockstep, sender: int, receiver: int) -> bool:
+def _is_deaf(plant: Plant, sender: int, receiver: int) -> bool:
     """Whether the sender finds that the receiver has not heard it for long."""
-    frame = lockstep.latest[sender]
-    if frame is None or lockstep.latest[receiver] is None:
+    frame = plant.latest[sender]
+    if frame is None or plant.latest[receiver] is None:
         return False
-    link = sorted(other for other in (sender - 1, sender + 1) if 0 <= other < lockstep.size)
+    link = sorted(other for other in (sender - 1, sender + 1) if 0 <= other < plant.size)
     return frame.links[link.index(receiver)].unheard_ticks > ONE_WAY_AFTER_TICKS
 
 
-def _schedule(lockstep: Lockstep, joints: list[str], command: Command) -> int:
+def _schedule(plant: Plant, joints: list[str], command: Command) -> int:
     """Put a command on the agenda, and return the tick in which its turn will come."""
-    tick = lockstep.tick + 1
-    turn = lockstep.agenda.turn(tick)
-    if turn >= lockstep.config.ticks:
-        raise EventError(f"the run is over at tick {lockstep.config.ticks}")
-    _check_effect(lockstep, joints, command)
-    lockstep.agenda.add(tick, command)
+    tick = plant.tick + 1
+    turn = plant.agenda.turn(tick)
+    if turn >= plant.config.ticks:
+        raise EventError(f"the run is over at tick {plant.config.ticks}")
+    _check_effect(plant, joints, command)
+    plant.agenda.add(tick, command)
     return turn
 
 
-def _check_effect(lockstep: Lockstep, joints: list[str], command: Command) -> None:
+def _check_effect(plant: Plant, joints: list[str], command: Command) -> None:
     if isinstance(command, LinkCommand | Disturbance):
         return
-    board, roster = command.board, lockstep.roster
+    board, roster = command.board, plant.roster
     match command:
         case Unplug() | ReferenceChange():
             if not roster.present(board):
                 raise EventError(f"{joints[board]} is not plugged in")
         case SensorFault(sensor=sensor):
-            if sensor not in (*lockstep.config.sensors[board], ALL):
+            if sensor not in (*plant.config.sensors[board], ALL):
                 raise EventError(f"{joints[board]} has no {sensor}")
         case Plug():
-            if lockstep.start_up.under_way(board):
+            if plant.start_up.under_way(board):
                 raise EventError(f"{joints[board]} is starting up already")
             if roster.present(board):
                 raise EventError(f"{joints[board]} is plugged in already")

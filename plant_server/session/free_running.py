@@ -1,10 +1,10 @@
 """The plant in realtime: the body goes on, whether its boards have said something or not.
 
-    command = plant.begin()              as in lockstep
-    observations = plant.open()          for the boards whose period begins with this tick
-    plant.answer(board, payload)         at any time between two ticks
-    plant.lived(board, payload)          as above: what a board says of its own time
-    record = plant.close()               with the torques that are in force
+    command = running.plant.begin()        as in lockstep
+    observations = running.open()          for the boards whose period begins with this tick
+    running.answer(board, payload)         at any time between two ticks
+    running.lived(board, payload)          as above: what a board says of its own time
+    record = running.close()               with the torques that are in force
 
 Rule 1: a board gets an observation in each tick that is a multiple of its ticks per period. So all
         that boards know of the body is sampled in ticks that they can name alike.
@@ -22,10 +22,9 @@ from dataclasses import dataclass
 
 from plant_server.hardware.actuators import SAFE_TORQUE_NM
 from plant_server.record import TickRecord
-from plant_server.session.answers import read_answer
-from plant_server.session.config import PlantConfig
-from plant_server.session.lockstep import Lockstep
-from protocol.robot.events import FreshTorque, StaleTorque
+from plant_server.session.plant import Plant
+from plant_server.session.telemetry import Failure
+from protocol.robot.events import FreshTorque, StaleTorque, Why
 from protocol.wire.frames import ProtocolError, Reason, TorqueFrame, encode
 from protocol.wire.trace import LastWord, Mark
 from protocol.wire.trace_differences import decode_told
@@ -42,57 +41,66 @@ class Tally:
     """How late it woke up, at worst."""
 
 
-class FreeRunning(Lockstep):
-    """The plant of one run in realtime."""
+class FreeRunning:
+    """A plant that waits for nobody."""
 
-    def __init__(self, config: PlantConfig, *, run_id: int) -> None:
-        assert config.cadence is not None, "the scenario is one of realtime"
-        self.cadence = config.cadence
-        super().__init__(config, run_id=run_id)
-        self.telemetry.waits = False
-        self.stale_ticks = [0] * self.size
+    def __init__(self, plant: Plant) -> None:
+        assert plant.config.cadence is not None, "the scenario is one of realtime"
+        self.plant = plant
+        self.cadence = plant.config.cadence
+        self.stale_ticks = [0] * plant.size
         """Ticks in which a board's torque was too old to be applied."""
-        self.said_ticks = [0] * self.size
+        self.said_ticks = [0] * plant.size
         """From when on the torque in force of each board ages."""
-        self.tallies = [Tally() for _ in range(self.size)]
-        self._in_force: list[bytes] = [b""] * self.size
-        self._stale = [False] * self.size
-        self._answers = [b""] * self.size
+        self.tallies = [Tally() for _ in range(plant.size)]
+        self._in_force: list[bytes] = [b""] * plant.size
+        self._stale = [False] * plant.size
+
+    def remove(self, board: int, why: Why) -> None:
+        """Take a board off the roster, and its torque out of force."""
+        if self.plant.roster.present(board):
+            self.plant.remove(board, why, midway=False)
 
     def open(self) -> Iterator[tuple[int, bytes]]:
         """Start the tick: what each board senses whose period begins with it."""
-        self.body.locked = self.tick < 0
-        self._record_sides()
+        plant = self.plant
+        plant.start_tick()
         for board, period in enumerate(self.cadence.ticks_per_period):
-            if self.tick % period == 0 and self.roster.present(board):
-                yield board, encode(self._observation(board))
+            if plant.tick % period == 0 and plant.roster.present(board):
+                yield board, encode(plant.observation(board))
 
     def answer(self, board: int, payload: bytes) -> bool:
         """Take a torque frame; tell whether it is in force now."""
+        plant = self.plant
         try:
             frame = self._read(board, payload)
         except ProtocolError as error:
-            self.refuse(board, error.reason)
+            plant.refuse(board, error.reason)
             return False
-        self.telemetry.counted[board][frame.counter] = frame.counted
-        latest = self.latest[board]
+        plant.telemetry.counted[board][frame.counter] = frame.counted
+        latest = plant.latest[board]
         if latest is not None and frame.tick <= latest.tick:
             return False
         self._in_force[board] = payload
-        self.said_ticks[board] = min(frame.tick, self.tick)
-        self.actuators.ask(board, frame.torque_nm)
-        self.latest[board] = frame
+        self.said_ticks[board] = min(frame.tick, plant.tick)
+        plant.actuators.ask(board, frame.torque_nm)
+        plant.latest[board] = frame
         return True
+
+    def report(self, board: int, payload: bytes) -> Failure | None:
+        """Take a part of what a board reports of its failure, in whichever tick that was."""
+        return self.plant.report(board, payload, tick=None)
 
     def lived(self, board: int, payload: bytes) -> bool:
         """Take what a board tells of its time; tell whether it is of this run."""
+        plant = self.plant
         try:
             told = decode_told(payload)
         except ProtocolError as error:
-            self.refuse(board, error.reason)
+            plant.refuse(board, error.reason)
             return False
-        if told.run_id != self.run_id:
-            self.refuse(board, Reason.RUN)
+        if told.run_id != plant.run_id:
+            plant.refuse(board, Reason.RUN)
             return False
         if isinstance(told, LastWord):
             return True
@@ -105,35 +113,26 @@ class FreeRunning(Lockstep):
 
     def close(self) -> TickRecord:
         """End the tick: integrate to the next one with the torques in force."""
-        for board in range(self.size):
-            self._answers[board] = self._usable_answer(board)
-        return super().close()
+        return self.plant.advance([self._usable_answer(board) for board in range(self.plant.size)])
 
     def _read(self, board: int, payload: bytes) -> TorqueFrame:
-        frame = read_answer(
-            payload,
-            board=board,
-            boards=self.size,
-            run_id=self.run_id,
-            incarnation=self.roster.incarnations[board],
-            tick=None,
-        )
-        if frame.tick > self.tick + self.cadence.ahead_ticks_max:
-            raise ProtocolError(Reason.TICK, f"tick {frame.tick} is far ahead of {self.tick}")
+        frame, tick = self.plant.read_answer(board, payload, tick=None), self.plant.tick
+        if frame.tick > tick + self.cadence.ahead_ticks_max:
+            raise ProtocolError(Reason.TICK, f"tick {frame.tick} is far ahead of {tick}")
         return frame
 
     def _usable_answer(self, board: int) -> bytes:
         """The torque frame in force, unless it is too old."""
-        latest = self.latest[board]
-        if latest is None:
+        plant = self.plant
+        if plant.latest[board] is None:
             self._stale[board] = False
             return b""
-        stale = self.tick - self.said_ticks[board] > self.cadence.age_ticks_max
+        stale = plant.tick - self.said_ticks[board] > self.cadence.age_ticks_max
         if stale != self._stale[board]:
             self._stale[board] = stale
-            self._events.append(StaleTorque(board) if stale else FreshTorque(board))
+            plant.events.append(StaleTorque(board) if stale else FreshTorque(board))
         if not stale:
             return self._in_force[board]
         self.stale_ticks[board] += 1
-        self.actuators.ask(board, SAFE_TORQUE_NM)
+        plant.actuators.ask(board, SAFE_TORQUE_NM)
         return b""

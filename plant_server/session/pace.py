@@ -16,6 +16,7 @@ class Pace:
 
     def __init__(self, *, tick_s: float, pace: float = 1.0) -> None:
         assert pace > 0.0
+        self.pace = pace
         self.tick_wall_s = tick_s / pace
         self.slipped_s = 0.0
         """Wall time that was given up."""

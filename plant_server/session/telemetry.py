@@ -27,8 +27,6 @@ class Telemetry:
     """Of all boards of one body."""
 
     def __init__(self, size: int) -> None:
-        self.waits = True
-        """Whether ticks wait for boards, so that these speak of the open one."""
         self.failures: list[Failure | None] = [None] * size
         self.refused = [Counter[Reason]() for _ in range(size)]
         """Frames of each board that the plant has refused, since the run began."""
@@ -47,15 +45,18 @@ class Telemetry:
         return Counters(*self.counted[board])
 
     def report(
-        self, board: int, payload: bytes, *, run_id: int, incarnation: int, tick: int
+        self, board: int, payload: bytes, *, run_id: int, incarnation: int, tick: int | None
     ) -> Failure | None:
-        """Take one part of a report; the whole, when it was the last. Raises `ProtocolError`."""
+        """Take one part of a report; the whole, when it was the last. Raises `ProtocolError`.
+
+        `tick` is the only one of which it may be; None: any, for the plant waits for nobody.
+        """
         frame, out_of_range = receive(Fault, payload)
         if frame.run_id != run_id:
             raise ProtocolError(Reason.RUN, f"run {frame.run_id:08x}")
         if frame.incarnation != incarnation or incarnation == 0:
             raise ProtocolError(Reason.INCARNATION, f"incarnation {frame.incarnation}")
-        if frame.tick != tick and self.waits:
+        if tick is not None and frame.tick != tick:
             raise ProtocolError(Reason.TICK, f"tick {frame.tick}, not {tick}")
         if out_of_range is not None:
             raise out_of_range

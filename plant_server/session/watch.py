@@ -7,7 +7,7 @@ nothing. It is for whoever asks how the robot is.
 from collections import Counter
 from collections.abc import Callable
 
-from plant_server.session.lockstep import Lockstep
+from plant_server.session.plant import Plant
 from protocol.wire.frames import Reason
 from protocol.wire.storms import Storm, Storms
 
@@ -30,18 +30,18 @@ class Watch:
         """Count a frame that could not be used and belongs to no tick."""
         self._unreadable.setdefault(origin, Counter())[reason] += 1
 
-    def look(self, now_s: float, lockstep: Lockstep) -> list[Storm]:
+    def look(self, now_s: float, plant: Plant) -> list[Storm]:
         """Look for storms; those that are worth a line."""
-        telemetry, refused = lockstep.telemetry, dict[str, dict[Reason, int]]()
+        telemetry, refused = plant.telemetry, dict[str, dict[Reason, int]]()
         for board, joint in enumerate(self.joints):
             counters = telemetry.counters(board)
             refused[f"frames of {joint}"] = telemetry.refused[board]
             refused[f"frames to {joint}"] = {
                 reason: getattr(counters, f"refused_{reason}") for reason in Reason
             }
-        return self.storms.look(now_s, lockstep.tick, {**refused, **self._unreadable})
+        return self.storms.look(now_s, plant.tick, {**refused, **self._unreadable})
 
-    def tell_storms(self, now_s: float, lockstep: Lockstep, tell: Callable[[str], None]) -> None:
+    def tell_storms(self, now_s: float, plant: Plant, tell: Callable[[str], None]) -> None:
         """Look for storms, and tell those."""
-        for storm in self.look(now_s, lockstep):
+        for storm in self.look(now_s, plant):
             tell(str(storm))

@@ -50,7 +50,7 @@ def in_twin(settings: Settings) -> Group:
         twin, costs = swinging(boards), []
         ticks = max(1, BLOCK_BOARD_TICKS // boards)
         for _ in range(BLOCKS):
-            end = twin.lockstep.tick + ticks
+            end = twin.lockstep.plant.tick + ticks
             started = time.process_time()
             for record in twin.run():
                 if record.tick == end:

@@ -3,8 +3,8 @@
     python -m tests.bench.instrumented FOLDER ROLE MODULE ARGUMENT ...
 
 The program is the one that a user runs. Only the ends of its ticks are watched from here, through
-`Voice.show` and `BoardTiming.ticked`, which are never compiled, and some settings of the transport
-can be others (`Place`):
+`Console.show` and `BoardTiming.ticked`, which are never compiled, and some settings of the
+transport can be others (`Place`):
 
     lowlatency      false: with priorities and fragmentation
     link            "unixsock-stream" instead of tcp
@@ -21,7 +21,7 @@ from unittest.mock import patch
 
 import protocol.wire.wiring
 from module_agent.firmware.timing import BoardTiming
-from plant_server.process.console import Voice
+from plant_server.process.console import Console
 from protocol.wire.wiring import Rig
 from tests.bench import knobs
 from tests.bench.job import PLANT, Place, tick_figures, write_figures
@@ -69,13 +69,13 @@ def main() -> None:
 
 
 def _watch_plant(watch: Watch) -> None:
-    show = Voice.show
+    show = Console.show
 
-    def shown(voice: Voice, tick: int, released_s: float | None) -> None:
-        show(voice, tick, released_s)
+    def shown(console: Console, tick: int, released_s: float | None) -> None:
+        show(console, tick, released_s)
         watch.end_of_tick(tick)
 
-    patch.object(Voice, "show", shown).start()
+    patch.object(Console, "show", shown).start()
 
 
 def _watch_board(watch: Watch) -> None:

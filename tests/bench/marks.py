@@ -32,7 +32,7 @@ class Marks:
         self.found: dict[str, list[Mark]] = {}
         if role == PLANT:
             self._watch(Lockstep, "begin", before="opens")
-            self._watch(plant_server.process.network.Post, "observe", after="put", which=True)
+            self._watch(plant_server.process.network.Network, "observe", after="put", which=True)
             self._watch(Lockstep, "answer", before="came", which=True)
             self._watch(Lockstep, "close", after="closed")
         else:

@@ -37,9 +37,9 @@ def group(settings: Settings) -> Group:
 def frames_alone(settings: Settings) -> Figures:
     """What a tick costs that does nothing but write and read its ten frames."""
     twin = Twin(load("paper"))
-    while twin.lockstep.tick < settings.warm_up:
+    while twin.lockstep.plant.tick < settings.warm_up:
         twin.tick()
-    twin.lockstep.begin()
+    twin.lockstep.plant.begin()
     kinds: list[tuple[type[Observation | LinkFrame | TorqueFrame], bytes]] = []
     for index, payload in twin.lockstep.open():
         board = twin.boards[index]

@@ -280,27 +280,25 @@ def said(scenario: Scenario, shaken: int | None) -> Iterator[list[tuple[bytes, .
     The body is held, so that news of it can travel by link frames only.
     """
     twin = Twin(scenario)
-    plant = twin.lockstep
+    lockstep = twin.lockstep
     boards = [board for board in twin.boards if board is not None]
-    while plant.tick < 0:
+    while (tick := lockstep.plant.tick) < 0:
         said_now = []
-        for board, (index, payload) in zip(boards, plant.open(), strict=True):
+        for board, (index, payload) in zip(boards, lockstep.open(), strict=True):
             observation = decode(Observation, payload)
             assert index == board.config.index
-            if plant.tick == -5 and index == shaken:
+            if tick == -5 and index == shaken:
                 true = observation.readings
                 shaken_now = true._replace(
                     joint_rad=true.joint_rad + 1e-6, imu_rad=true.imu_rad + 2e-6
                 )
                 observation = observation._replace(readings=shaken_now)
-            actuation = board.tick(board.read(encode(observation)))
-            assert plant.answer(board.config.index, actuation.torque)
-            said_now.append(actuation.links)
+            said_now.append(twin.live(board, board.read(encode(observation))).links)
         for sender, links in enumerate(said_now):
             for receiver, link in zip(boards[sender].config.neighbours, links, strict=True):
                 # Only to a neighbour, and on the wire that joins the two.
-                boards[receiver].hear(boards[receiver].config.neighbours.index(sender), link)
-        plant.close()
+                twin.deliver(sender, receiver, link)
+        lockstep.close()
         yield said_now
 
 

@@ -40,9 +40,9 @@ def test_the_fixed_step_follows_the_true_movement(elections: str) -> None:
     """
     scenario = load("paper", ["run.duration_s=1", f"election.enabled={elections}"])
     fixed, accurate = Twin(scenario), Twin(scenario)
-    config = accurate.lockstep.config
-    accurate.lockstep.body = AccurateBody(
-        accurate.lockstep.body.chain,
+    config = accurate.lockstep.plant.config
+    accurate.lockstep.plant.body = AccurateBody(
+        accurate.lockstep.plant.body.chain,
         initial_angles_rad=config.initial_angles_rad,
         tick_s=config.tick_s,
         substeps=1,
@@ -52,8 +52,10 @@ def test_the_fixed_step_follows_the_true_movement(elections: str) -> None:
         assert _enabled(fixed) == _enabled(accurate)
         differences = np.subtract(ours.angles_rad, theirs.angles_rad)
         errors_rad.append(float(np.abs(differences).max()))
-    ends = np.subtract(fixed.lockstep.body.angles_rad, accurate.lockstep.body.angles_rad)
-    assert fixed.lockstep.tick == accurate.lockstep.tick == 1000
+    ends = np.subtract(
+        fixed.lockstep.plant.body.angles_rad, accurate.lockstep.plant.body.angles_rad
+    )
+    assert fixed.lockstep.plant.tick == accurate.lockstep.plant.tick == 1000
     assert max(errors_rad) > 0.0  # They are two integrations.
     assert max(*errors_rad, float(np.abs(ends).max())) < 1e-9
 

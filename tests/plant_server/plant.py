@@ -7,6 +7,7 @@ from typing import Any
 from plant_server.record import TickRecord
 from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
+from plant_server.session.plant import Plant
 from protocol.robot.events import Command, LinkParameters, values_of
 from protocol.robot.hardware import Link, Unattended
 from protocol.robot.sensors import EXACT, sensors_of
@@ -66,9 +67,9 @@ def plant(
             for board in (ANKLE, KNEE, HIP)
         ),
     )._replace(**hardware)
-    lockstep = Lockstep(config, run_id=RUN)
+    lockstep = Lockstep(Plant(config, run_id=RUN))
     for board in here:
-        lockstep.admit(board, 1)
+        lockstep.plant.admit(board, 1)
     return lockstep
 
 
@@ -98,7 +99,7 @@ def answer(
 
 def opened(lockstep: Lockstep) -> dict[int, Observation]:
     """Begin and open a tick; what each board that is there is told."""
-    lockstep.begin()
+    lockstep.plant.begin()
     return {board: decode(Observation, payload) for board, payload in lockstep.open()}
 
 
@@ -106,8 +107,10 @@ def reply(
     lockstep: Lockstep, board: int, torque_nm: float = 0.0, state: State = State.RUNNING
 ) -> bool:
     """Answer the open tick for a board, as the incarnation that it is."""
-    incarnation = lockstep.roster.incarnations[board]
-    payload = answer(lockstep.tick, torque_nm, board=board, incarnation=incarnation, state=state)
+    incarnation = lockstep.plant.roster.incarnations[board]
+    payload = answer(
+        lockstep.plant.tick, torque_nm, board=board, incarnation=incarnation, state=state
+    )
     return lockstep.answer(board, payload)
 
 

@@ -19,6 +19,7 @@ from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
+from plant_server.session.plant import Plant
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario, run_id
@@ -78,7 +79,7 @@ class RealtimeRobot:
         self.run_id = run_id(scenario.digest)
         config = plant_config(scenario)
         self.tick_ns = round(config.tick_s * 1e9)
-        self.plant = FreeRunning(config, run_id=self.run_id)
+        self.running = FreeRunning(Plant(config, run_id=self.run_id))
         self.records: list[TickRecord] = []
         self.traces: list[tuple[int, bytes]] = []
         self.complaints: list[tuple[int, str]] = []
@@ -92,17 +93,17 @@ class RealtimeRobot:
         for board in range(len(scenario.joints)):
             self.plug(board)
         self.pace = Pace(tick_s=config.tick_s)
-        self.pace.wait_s(self.plant.tick, 0.0)
+        self.pace.wait_s(self.running.plant.tick, 0.0)
         self._at(0, self._tick)
 
     def run(self) -> tuple[list[TickRecord], Outcome]:
-        while not self.plant.over:
+        while not self.running.plant.over:
             self.now_ns, _, act = heappop(self._agenda)
             act()
         for board, own in enumerate(self.boards):
             if own is not None:
                 self._trace(board, own, own.cycle.rest())
-        return self.records, self.plant.outcome((self.now_ns - self._release_ns) * 1e-9)
+        return self.records, self.running.plant.outcome((self.now_ns - self._release_ns) * 1e-9)
 
     def plug(self, board: int) -> None:
         self.plugged[board] += 1
@@ -114,7 +115,7 @@ class RealtimeRobot:
         own = Own(cycle, boot_ns, self.host.ppm.get(board, 0.0), incarnation)
         self.boards[board] = own
         self.ever.append(own)
-        self.plant.admit(board, incarnation)
+        self.running.plant.admit(board, incarnation)
 
     def unplug(self, board: int) -> None:
         """Kill a board: what it has lived through of late, nobody will know."""
@@ -122,7 +123,7 @@ class RealtimeRobot:
         assert own is not None
         own.dead = True
         self.boards[board] = None
-        self.plant.remove(board, "died")
+        self.running.remove(board, "died")
 
     def spool(self) -> Spool:
         """Play to the end; what a recording of it would hold."""
@@ -155,21 +156,23 @@ class RealtimeRobot:
         return self.random.randrange(*bounds_ns)
 
     def _tick(self) -> None:
-        plant = self.plant
-        match plant.begin():
+        running = self.running
+        match running.plant.begin():
             case Unplug(board):
                 self.unplug(board)
             case Plug(board):
                 self.plug(board)
-        for board, payload in plant.open():
+        for board, payload in running.open():
             if self.random.random() >= self.host.loss:
                 self._send(self._any(self.host.latency_ns), self._observe, board, payload)
-        self.records.append(plant.close())
+        self.records.append(running.close())
         spent_ns = self._any(self.host.plant_ns)
         if self.random.random() < self.host.stall:
             spent_ns += self.random.randrange(self.host.busy_ns)
         now_ns = self.now_ns + spent_ns
-        self._at(now_ns + round(self.pace.wait_s(plant.tick, now_ns * 1e-9) * 1e9), self._tick)
+        self._at(
+            now_ns + round(self.pace.wait_s(running.plant.tick, now_ns * 1e-9) * 1e9), self._tick
+        )
 
     def _send(self, after_ns: int, take: Any, *what: Any) -> None:
         self._at(self.now_ns + after_ns, lambda: take(*what))
@@ -229,8 +232,8 @@ class RealtimeRobot:
             own.cycle.board.hear(own.cycle.board.board.config.neighbours.index(sender), payload)
 
     def _answer(self, board: int, incarnation: int, payload: bytes) -> None:
-        if self.plant.roster.incarnations[board] == incarnation:
-            self.plant.answer(board, payload)
+        if self.running.plant.roster.incarnations[board] == incarnation:
+            self.running.answer(board, payload)
 
     def _trace(self, board: int, own: Own, payload: bytes | None) -> None:
         if payload is not None:

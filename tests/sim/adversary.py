@@ -59,15 +59,15 @@ class Adversary:
         if self.healed or chance.random() >= self.rates.command:
             return
         command, undone = self._drawn()
-        tick = lockstep.tick
+        tick = lockstep.plant.tick
         if chance.random() < 0.5:
             request = seal(msgpack.packb((VERSION, json.dumps(values_of(command)))))
             control.answer(lockstep, self.joints, request)
             control.answer(lockstep, self.joints, seal(msgpack.packb((VERSION, control.STATUS))))
         else:
-            lockstep.agenda.add(min(tick + chance.randint(0, 5), self.until), command)
+            lockstep.plant.agenda.add(min(tick + chance.randint(0, 5), self.until), command)
         if undone:
-            lockstep.agenda.add(min(tick + chance.randint(2, 30), self.until), undone)
+            lockstep.plant.agenda.add(min(tick + chance.randint(2, 30), self.until), undone)
 
     def fate(self) -> Fate:
         """What becomes of one board in this tick."""

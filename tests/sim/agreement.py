@@ -25,7 +25,7 @@ class Agreement:
     """What the boards elect, epoch after epoch."""
 
     def __init__(self, robot: Robot) -> None:
-        election = robot.scenario.election
+        election = robot.twin.scenario.election
         self.robot = robot
         self.period_ticks = election.period_ticks
         self.rounds = election.rounds

@@ -52,15 +52,15 @@ class Game:
 
     def play(self) -> None:
         """Play it to the end, or until the body falls."""
-        lockstep, until = self.robot.lockstep, self.plan.faulty_ticks
-        while lockstep.tick < until and not lockstep.over:
+        lockstep, until = self.robot.twin.lockstep, self.plan.faulty_ticks
+        while lockstep.plant.tick < until and not lockstep.plant.over:
             self._tick()
         self.robot.heal()
-        drained = lockstep.tick + DRAIN_TICKS_MAX
-        while not self.robot.healed and not lockstep.over:
-            law(lockstep.tick < drained, "commands are carried out in the end")
+        drained = lockstep.plant.tick + DRAIN_TICKS_MAX
+        while not self.robot.healed and not lockstep.plant.over:
+            law(lockstep.plant.tick < drained, "commands are carried out in the end")
             self._tick()
-        if not lockstep.over:
+        if not lockstep.plant.over:
             self._live()
 
     def _live(self) -> None:
@@ -69,9 +69,9 @@ class Game:
         They are filled by sensors that are back.
         """
         scenario, agreement = self.plan.scenario, self.laws.agreement
-        lockstep = self.robot.lockstep
+        lockstep = self.robot.twin.lockstep
         delay_ticks = max(board.lumped_delay_ticks for board in scenario.boards)
-        full_tick = lockstep.tick + SENSORS_BACK_TICKS + delay_ticks
+        full_tick = lockstep.plant.tick + SENSORS_BACK_TICKS + delay_ticks
         period_ticks = agreement.period_ticks
         begins_tick = -(-full_tick // period_ticks) * period_ticks
         latch_tick = begins_tick + agreement.rounds
@@ -80,23 +80,25 @@ class Game:
         settled_tick = full_tick + max(period_ticks, delay_ticks)
         last_tick = max(latch_tick, settled_tick) + period_ticks
         flailed = False
-        while lockstep.tick <= last_tick and not lockstep.over:
+        while lockstep.plant.tick <= last_tick and not lockstep.plant.over:
             self._tick()
-            tick = lockstep.tick - 1
+            tick = lockstep.plant.tick - 1
             flailed |= self._flails()
             states = {board: State(frame.state).name for board, frame in self.said.items()}
-            if lockstep.over or (flailed and State.SAFE.name in states.values()):
+            if lockstep.plant.over or (flailed and State.SAFE.name in states.values()):
                 return
             if tick >= latch_tick:
                 enabled = [board for board, frame in self.said.items() if frame.enabled]
                 law(len(enabled) == 1, "one board is enabled once all is healed", enabled)
             if tick >= settled_tick:
                 running = set(states.values()) == {"RUNNING"}
-                law(running and len(states) == lockstep.size, "all are running", states)
+                law(running and len(states) == lockstep.plant.size, "all are running", states)
 
     def _flails(self) -> bool:
         """Whether a joint turns so fast that its sensors are accused though they work."""
-        return any(fabs(rate) > FLAILS_RAD_S for rate in self.robot.lockstep.body.rates_rad_s)
+        return any(
+            fabs(rate) > FLAILS_RAD_S for rate in self.robot.twin.lockstep.plant.body.rates_rad_s
+        )
 
     def _tick(self) -> None:
         record = self.robot.tick()
@@ -131,7 +133,7 @@ def find(seed: int) -> Found:
         seed=seed,
         ticks=len(game.records),
         digest=hashlib.sha256(repr(game.records).encode()).hexdigest(),
-        fell=game.robot.lockstep.body.fallen,
+        fell=game.robot.twin.lockstep.plant.body.fallen,
         claimed_epochs=game.laws.agreement.claimed_epochs,
         broken=broken,
     )
@@ -141,9 +143,9 @@ def _broken(game: Game) -> str:
     try:
         game.play()
     except BrokenLawError as error:
-        return f"tick {game.robot.lockstep.tick}: {error}"
+        return f"tick {game.robot.twin.lockstep.plant.tick}: {error}"
     except Exception as error:  # noqa: BLE001 - whatever it is, it should not have happened.
-        return f"tick {game.robot.lockstep.tick}: raised {error!r}"
+        return f"tick {game.robot.twin.lockstep.plant.tick}: raised {error!r}"
     return ""
 
 

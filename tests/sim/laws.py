@@ -35,15 +35,15 @@ class Laws:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.lockstep = robot.lockstep
+        self.lockstep = robot.twin.lockstep
         self.agreement = Agreement(robot)
-        self.limits_nm = robot.lockstep.config.torque_limits_nm
-        self.next_tick = robot.lockstep.tick
+        self.limits_nm = robot.twin.lockstep.plant.config.torque_limits_nm
+        self.next_tick = robot.twin.lockstep.plant.tick
         self.completed: dict[tuple[int, int], int] = {}
         """By board and tick: the incarnation that answered."""
-        self.last_incarnation = [0] * robot.lockstep.size
-        self.held_nm = [0.0] * robot.lockstep.size
-        self.nan_ticks = [0] * robot.lockstep.size
+        self.last_incarnation = [0] * robot.twin.lockstep.plant.size
+        self.held_nm = [0.0] * robot.twin.lockstep.plant.size
+        self.nan_ticks = [0] * robot.twin.lockstep.plant.size
 
     def check(self, record: TickRecord) -> dict[int, TorqueFrame]:
         """Judge one tick; return what the boards said in it."""
@@ -52,7 +52,7 @@ class Laws:
         said = self._answers(record)
         for board, applied_nm in enumerate(record.torques_nm):
             self._torque(board, applied_nm, said.get(board))
-        if not self.lockstep.body.fallen:
+        if not self.lockstep.plant.body.fallen:
             numbers = (*record.angles_rad, *record.rates_rad_s, *record.torques_nm)
             law(all(map(isfinite, numbers)), "no NaN in state or torques", numbers)
         for board, frame in said.items():
@@ -102,7 +102,7 @@ class Laws:
     def _board(self, firmware: Board, frame: TorqueFrame) -> None:
         """What a board says and keeps by itself."""
         numbers = (frame.controlled_rad, frame.urgency)
-        if not self.lockstep.body.fallen:
+        if not self.lockstep.plant.body.fallen:
             law(all(map(isfinite, (frame.torque_nm, *numbers))), "no NaN in torque frames", frame)
         driving = frame.state not in (State.SYNCING, State.SAFE)
         may_be_enabled = driving or frame.tick < 0
@@ -112,7 +112,7 @@ class Laws:
         for stored in (view._joint, view._imu, view._lower, view._complete):
             law(len(stored) <= bound, "S9 stores are bounded", len(stored))
         index = firmware.config.index
-        told = self.lockstep.roster
+        told = self.lockstep.plant.roster
         if told.incarnations[index] == firmware.incarnation and not told._outboxes[index]:
             same = firmware.reference_rad == told.references_rad[index]
             law(same, "S15 a board has the reference that the plant knows", frame)
@@ -147,11 +147,11 @@ class Laws:
         law(late <= LATE_FRAMES_MAX, "frames on the way are bounded", late)
 
     def _plant(self, record: TickRecord) -> None:
-        longest = max(map(len, self.lockstep.roster._outboxes))
+        longest = max(map(len, self.lockstep.plant.roster._outboxes))
         law(longest <= OUTBOX_MAX, "outboxes are bounded", longest)
         for payload in self.robot.said if record.tick % 8 == 0 else ():
             frame = decode(LinkFrame, payload)
             finite = all(map(isfinite, (frame.urgency, *frame[-7:])))
-            law(finite or self.lockstep.body.fallen, "no NaN in link frames", frame)
+            law(finite or self.lockstep.plant.body.fallen, "no NaN in link frames", frame)
             law(frame.sample_tick == NO_TICK or frame.sample_tick <= frame.tick, "S9 no future")
             law(frame.epoch >= NO_EPOCH, "epochs are counted from 0", frame)

@@ -62,7 +62,7 @@ class Noise:
 
     def disturb_plant(self, lockstep: Lockstep) -> None:
         """Bytes from nobody arrive at the plant's keys."""
-        for board in range(lockstep.size):
+        for board in range(lockstep.plant.size):
             if self._rate and self.chance.random() < self._rate:
                 past = self._past[board, PLANT]
                 lockstep.answer(board, self._garbage(past, self._forged_torque))

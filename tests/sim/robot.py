@@ -7,9 +7,7 @@ Rule 2: `answered` is what a board is known to have said before it died; laws co
 from typing import NamedTuple
 
 from deploy.launch.twin import Twin
-from module_agent.assembly import assemble
 from module_agent.firmware.board import Board, ReplacedError
-from module_agent.firmware.config import board_config
 from plant_server.record import TickRecord
 from protocol.robot import sensors
 from protocol.robot.events import LinkRepair, Plug, SensorFault
@@ -34,14 +32,14 @@ class Newcomer(NamedTuple):
     """A board that is enrolled, and not on the roster before it has its links up."""
 
     firmware: Board
-    incarnation: int
     ready_tick: int
 
 
-class Robot(Twin):
+class Robot:
     """One robot in one process, among enemies."""
 
     def __init__(self, plan: Plan, *, quiet: bool = False) -> None:
+        self.twin = Twin(plan.scenario)
         self.adversary = Adversary(plan)
         self.noise = Noise(plan.seed, plan.rates.garbage, quiet=quiet)
         self.newcomers: dict[int, Newcomer] = {}
@@ -58,22 +56,21 @@ class Robot(Twin):
         """Of the last tick: link frames."""
         self._late: list[tuple[int, int, bytes]] = []
         """Frames that reach their receiver when it has ticked: sender, receiver, payload."""
-        super().__init__(plan.scenario)
 
     def tick(self) -> TickRecord:
         """Play one tick: the boundary, then boards in some order, with what befalls them."""
-        lockstep = self.lockstep
+        lockstep = self.twin.lockstep
         self.adversary.command(lockstep)
         self._boundary()
         self.answered, self.ticked = {}, {}
         self.said, self._late = [], []
         observations = list(lockstep.open())
-        self.rostered = tuple(lockstep.roster.incarnations)
+        self.rostered = tuple(lockstep.plant.roster.incarnations)
         sensed = {board: self.adversary.sensed(board, payload) for board, payload in observations}
         fates = {board: self.adversary.fate() for board, _ in observations}
         self.excused = set()
         for board, _ in observations:
-            sender = self.adversary.excuses(neighbours(board, lockstep.size))
+            sender = self.adversary.excuses(neighbours(board, lockstep.plant.size))
             if sender is not None:
                 sensed[board] = lockstep.excuse(sender, board)
                 self.excused.add((sender, board))
@@ -86,7 +83,7 @@ class Robot(Twin):
             if fates[board] in (Fate.LIVES, Fate.DIES_AFTER):
                 self._play(board, sensed[board])
                 if board == late:
-                    self.boards[board] = None
+                    self.twin.boards[board] = None
                     if lockstep.waiting:
                         lockstep.remove(board, "died")
         self._wake_up()
@@ -99,9 +96,9 @@ class Robot(Twin):
     def heal(self) -> None:
         """End all faults: perfect links and sensors, a board on every joint, nobody frozen."""
         self.adversary.healed = True
-        agenda, tick = self.lockstep.agenda, self.lockstep.tick
+        agenda, tick = self.twin.lockstep.plant.agenda, self.twin.lockstep.plant.tick
         agenda.add(max(tick, self.adversary.until), LinkRepair(()))
-        for board in range(len(self.boards)):
+        for board in range(len(self.twin.boards)):
             whole = SensorFault(board, sensors.ALL, sensors.OK, 0.0, 0)
             agenda.add(max(tick, self.adversary.until) + 1, whole)
             agenda.add(max(tick, self.adversary.until) + 1, Plug(board))
@@ -109,42 +106,37 @@ class Robot(Twin):
     @property
     def healed(self) -> bool:
         """Whether everything that `heal` asked for has come about."""
-        idle = self.adversary.healed and not self.lockstep.agenda._entries
-        return idle and all(self.boards) and not any(self.lockstep.roster._outboxes)
+        idle = self.adversary.healed and not self.twin.lockstep.plant.agenda._entries
+        return idle and all(self.twin.boards) and not any(self.twin.lockstep.plant.roster._outboxes)
 
     def _boundary(self) -> None:
-        super()._boundary()
-        for board, firmware in enumerate(self.boards):
+        self.twin.boundary(self._plug)
+        for board, firmware in enumerate(self.twin.boards):
             if firmware is None:
                 self._come(board)
 
     def _come(self, board: int) -> None:
         """A board that nobody has announced: it enrols, and joins when its links are up."""
-        newcomer, tick = self.newcomers.get(board), self.lockstep.tick
+        newcomer, tick = self.newcomers.get(board), self.twin.lockstep.plant.tick
         if newcomer is None:
             wait_ticks = self.adversary.enrols()
             if wait_ticks is not None:
-                self._enrol(board, tick + wait_ticks)
-        elif newcomer.ready_tick <= tick and not self.lockstep.agenda.expects_plug(board):
+                self.newcomers[board] = Newcomer(self.twin.boot(board), tick + wait_ticks)
+        elif newcomer.ready_tick <= tick and not self.twin.lockstep.plant.agenda.expects_plug(
+            board
+        ):
             self._plug(board)
-
-    def _enrol(self, board: int, ready_tick: int) -> None:
-        self._incarnations[board] += 1
-        config = board_config(self.scenario, self.scenario.joints[board])
-        firmware = assemble(config, run_id=self.run_id, incarnation=self._incarnations[board])
-        self.newcomers[board] = Newcomer(firmware, self._incarnations[board], ready_tick)
 
     def _plug(self, board: int) -> None:
         newcomer = self.newcomers.pop(board, None)
         if newcomer is None:
-            super()._plug(board)
+            self.twin.plug(board)
         else:
-            assert self.boards[board] is None
-            self.boards[board] = newcomer.firmware
-            self.lockstep.admit(board, newcomer.incarnation)
+            assert self.twin.boards[board] is None
+            self.twin.admit(newcomer.firmware)
 
     def _play(self, board: int, payload: bytes) -> None:
-        firmware = self.boards[board]
+        firmware = self.twin.boards[board]
         assert firmware is not None
         self.noise.disturb_board(firmware)
         observation = firmware.read(payload)
@@ -153,26 +145,25 @@ class Robot(Twin):
             sender = firmware.config.neighbours[link]
             detail = f"{board} waits for the frame of {sender}, {observation.neighbours[link]}"
             raise BrokenLawError("S6 nobody waits for a frame that cannot come", detail)
-        actuation = firmware.tick(observation)
+        actuation = self.twin.live(firmware, observation)
         self.answered[board], self.ticked[board] = actuation.torque, firmware
-        self.lockstep.answer(board, actuation.torque)
         if self.noise.happens():
-            self.lockstep.answer(board, actuation.torque)
+            self.twin.lockstep.answer(board, actuation.torque)
         self.noise.remember(board, PLANT, actuation.torque)
         self._say(firmware, actuation.links, deaf=False)
 
     def _lose(self, board: int, payload: bytes, fate: Fate) -> None:
-        firmware = self.boards[board]
+        firmware = self.twin.boards[board]
         assert firmware is not None
-        self.boards[board] = None
+        self.twin.boards[board] = None
         if fate is Fate.FREEZES:
-            self.lockstep.remove(board, "silent")
-            self.asleep.append(Frozen(firmware, payload, self.lockstep.observation(board)))
+            self.twin.lockstep.remove(board, "silent")
+            self.asleep.append(Frozen(firmware, payload, self.twin.lockstep.observation(board)))
             return
         if fate is Fate.DIES_SPEAKING:
             actuation = firmware.tick(firmware.read(payload))
             self._say(firmware, actuation.links, deaf=self.noise.quiet)
-        self.lockstep.remove(board, "died")
+        self.twin.lockstep.remove(board, "died")
 
     def _wake_up(self) -> None:
         """Let frozen boards go on where they stopped; what they say is of no use to anybody."""
@@ -183,9 +174,8 @@ class Robot(Twin):
                 continue
             firmware = frozen.firmware
             board = firmware.config.index
-            actuation = firmware.tick(firmware.read(frozen.observation))
+            actuation = self.twin.live(firmware, firmware.read(frozen.observation))
             self._say(firmware, actuation.links, deaf=self.noise.quiet)
-            self.lockstep.answer(board, actuation.torque)
             try:
                 firmware.read(frozen.farewell)
             except (ReplacedError, ProtocolError):
@@ -211,8 +201,8 @@ class Robot(Twin):
             self._bring(sender, receiver, payload)
 
     def _bring(self, sender: int, receiver: int, payload: bytes) -> None:
-        firmware = self.boards[receiver]
-        if firmware is None and not self.noise.quiet and receiver in self.newcomers:
-            firmware = self.newcomers[receiver].firmware
-        if firmware is not None:
+        self.twin.deliver(sender, receiver, payload)
+        newcomer = self.newcomers.get(receiver)
+        if newcomer is not None and not self.noise.quiet:
+            firmware = newcomer.firmware
             firmware.hear(firmware.config.neighbours.index(sender), payload)

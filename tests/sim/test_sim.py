@@ -8,7 +8,7 @@ from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.consensus import MaxConsensus
 from module_agent.firmware.controller import Candidate, Round, Vote
 from module_agent.firmware.hearing import Hearing
-from plant_server.session.lockstep import Lockstep
+from plant_server.session.plant import Plant
 from protocol.wire.frames import LinkFrame, Neighbour, Observation, TorqueFrame, decode, encode
 from tests.sim.hunt import find
 from tests.sim.plans import plan
@@ -91,9 +91,9 @@ def _made_up() -> Callable[..., Vote]:
 
 def _keeps_no_incarnation() -> Callable[..., None]:
     """S2 forgotten: who comes back is not told from who was there."""
-    admit = Lockstep.admit
+    admit = Plant.admit
 
-    def sabotaged(self: Lockstep, board: int, _incarnation: int) -> None:
+    def sabotaged(self: Plant, board: int, _incarnation: int) -> None:
         admit(self, board, 1)
 
     return sabotaged
@@ -114,7 +114,7 @@ def _keeps_no_incarnation() -> Callable[..., None]:
         ),
         (Hearing, "take", _hears_anybody(), "S"),
         (Hearing, "has", lambda *_: False, "S6"),
-        (Lockstep, "admit", _keeps_no_incarnation(), ""),
+        (Plant, "admit", _keeps_no_incarnation(), ""),
     ],
     ids=[
         "all-elected",

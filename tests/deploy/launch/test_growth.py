@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 def lines_of_ticks(boards: int, ticks: int) -> int:
     """Lines that run in a few ticks of a chain whose delay lines are full, all boards electing."""
     twin = Twin(hanging(boards))
-    while twin.lockstep.tick <= 0:
+    while twin.lockstep.plant.tick <= 0:
         twin.tick()
     return lines_run(lambda: [twin.tick() for _ in range(ticks)])
 
@@ -38,7 +38,7 @@ def test_a_tick_makes_no_cycles(name: str) -> None:
         if record.tick == 0:
             gc.collect()
     assert gc.collect() == 0
-    assert twin.lockstep.tick > 1000
+    assert twin.lockstep.plant.tick > 1000
 
 
 def test_a_run_that_is_left_gives_the_collector_back() -> None:

@@ -238,7 +238,7 @@ def test_a_push_acts_in_its_ticks_and_in_no_others() -> None:
     twin, forces = Twin(scenario(push)), {}
     pushed = []
     for record in twin.run():
-        forces[record.tick] = tuple(twin.lockstep.body.forces_n)
+        forces[record.tick] = tuple(twin.lockstep.plant.body.forces_n)
         pushed.append(record)
     still, acting = (0.0, 0.0, 0.0), (0.0, 0.0, 40.0)
     assert all(force == (acting if 300 <= t < 350 else still) for t, force in forces.items())

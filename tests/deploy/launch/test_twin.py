@@ -19,14 +19,15 @@ def short(*settings: str) -> Scenario:
 
 def tick_in_order(twin: Twin, order: Sequence[int]) -> TickRecord:
     """One tick as processes might play it: a fast board's frames reach a slow one too early."""
-    twin.lockstep.begin()
+    twin.lockstep.plant.begin()
     observations = dict(twin.lockstep.open())
     answers = []
     for index in order:
         board = twin.boards[index]
         assert board is not None
         actuation = board.tick(board.read(observations[index]))
-        twin._deliver(board, actuation.links)
+        for receiver, frame in zip(board.config.neighbours, actuation.links, strict=True):
+            twin.deliver(index, receiver, frame)
         answers.append((index, actuation.torque))
     for index, torque in reversed(answers):
         twin.lockstep.answer(index, torque)

@@ -24,8 +24,8 @@ def played(*settings: str) -> tuple[Trajectory, tuple[float, ...]]:
     records, shown = [], []
     for record in twin.run():
         records.append(record)
-        shown.append(twin.lockstep.body.foot_cop_m)
-    run = trajectory(scenario, records, twin.lockstep.outcome(1.0))
+        shown.append(twin.lockstep.plant.body.foot_cop_m)
+    run = trajectory(scenario, records, twin.lockstep.plant.outcome(1.0))
     return run, tuple(shown[-run.ticks :])
 
 
@@ -82,4 +82,4 @@ def test_the_ankles_force_plate_shows_what_the_body_has() -> None:
     for _ in range(40):
         twin.tick()
     observation = decode(Observation, next(iter(twin.lockstep.open()))[1])
-    assert observation.readings.foot_cop_m == twin.lockstep.body.foot_cop_m != 0.0
+    assert observation.readings.foot_cop_m == twin.lockstep.plant.body.foot_cop_m != 0.0

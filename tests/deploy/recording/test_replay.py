@@ -64,7 +64,7 @@ def test_any_death_at_any_moment_is_replayed(seed: int) -> None:
         scenario=drawn.scenario,
         ticks=ticks,
         walls=[None] * len(ticks),
-        outcome=robot.lockstep.outcome(0.0, "stopped"),
+        outcome=robot.twin.lockstep.plant.outcome(0.0, "stopped"),
     )
     assert replayed(recorded) is None
 

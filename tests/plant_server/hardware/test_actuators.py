@@ -76,7 +76,7 @@ def test_the_plant_applies_and_records_what_the_motor_gives() -> None:
     ]
     assert {torques[KNEE] for torques in applied} == {40.0}
     assert {torques[HIP] for torques in applied} == {LIMIT_NM}
-    assert lockstep.actuators.saturated == 12
+    assert lockstep.plant.actuators.saturated == 12
 
 
 @pytest.mark.parametrize("broken", [nan, inf, -inf])
@@ -104,5 +104,5 @@ def test_a_board_that_goes_takes_its_torque_along() -> None:
         play(lockstep, 10.0, 10.0, 10.0)
     lockstep.remove(KNEE, "died")
     assert play(lockstep, 10.0, 10.0, 10.0).torques_nm[KNEE] == 0.0
-    lockstep.admit(KNEE, 2)
+    lockstep.plant.admit(KNEE, 2)
     assert play(lockstep, 10.0, 10.0, 10.0).torques_nm[KNEE] == pytest.approx(1.0)

@@ -64,7 +64,7 @@ def test_a_spring_in_the_ankle_presses_on_the_sole_as_well() -> None:
 
 def test_the_plant_records_from_when_to_when_the_foot_tips() -> None:
     lockstep = plant(foot=SOLE)
-    weight_n = lockstep.body.foot_force_n
+    weight_n = lockstep.plant.body.foot_force_n
     assert happened(play(lockstep, -1.0, 0.0, 0.0), "tipping") == []
     began = play(lockstep, 50.0, 0.0, 0.0)
     assert happened(began, "tipping") == [[True]]

@@ -37,7 +37,7 @@ def test_exact_sensors_say_the_bodys_own_numbers() -> None:
     for _ in range(5):
         play(lockstep, 1.0, -2.0, 3.0)
     told = opened(lockstep)
-    body = lockstep.body
+    body = lockstep.plant.body
     for board in (ANKLE, KNEE, HIP):
         assert told[board].readings.joint_rad == body.angles_rad[board]
         assert told[board].readings.joint_rad_s == body.rates_rad_s[board]
@@ -210,5 +210,5 @@ def test_another_board_begins_without_a_rate() -> None:
     lockstep.remove(KNEE, "died")
     for _ in range(50):
         play(lockstep)
-    lockstep.admit(KNEE, 2)
+    lockstep.plant.admit(KNEE, 2)
     assert opened(lockstep)[KNEE].readings.joint_rad_s == 0.0

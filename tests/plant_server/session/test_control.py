@@ -191,7 +191,7 @@ def test_the_status_tells_of_boards_and_of_whom_the_plant_waits_for() -> None:
     lockstep.remove(HIP, "died")
     play(lockstep, 7.0, 8.0)
     lockstep.remove(KNEE, "died")
-    lockstep.admit(KNEE, 2)
+    lockstep.plant.admit(KNEE, 2)
     opened(lockstep)
     reply(lockstep, KNEE, 0.0, State.SYNCING)
     status = ask(lockstep, STATUS)

@@ -9,6 +9,7 @@ from deploy.scenario_file.load import load
 from plant_server.record import TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
+from plant_server.session.plant import Plant
 from protocol.robot.events import (
     Departure,
     EnergyLoss,
@@ -29,10 +30,10 @@ RATES = ("board.0.rate_hz=500", "board.1.rate_hz=1000", "board.2.rate_hz=250")
 
 def made(*settings: str, admitted: tuple[int, ...] = (0, 1, 2)) -> FreeRunning:
     scenario = load("paper", ["run.mode=realtime", *RATES, "realtime.age_max_ms=20", *settings])
-    plant = FreeRunning(plant_config(scenario), run_id=RUN)
+    running = FreeRunning(Plant(plant_config(scenario), run_id=RUN))
     for board in admitted:
-        plant.admit(board, 1)
-    return plant
+        running.plant.admit(board, 1)
+    return running
 
 
 def torque(board: int, tick: int, torque_nm: float, **changes: Any) -> bytes:
@@ -43,74 +44,74 @@ def torque(board: int, tick: int, torque_nm: float, **changes: Any) -> bytes:
     return encode(frame._replace(**changes))
 
 
-def play(plant: FreeRunning) -> tuple[list[int], TickRecord]:
-    plant.begin()
-    told = [board for board, _ in plant.open()]
-    return told, plant.close()
+def play(running: FreeRunning) -> tuple[list[int], TickRecord]:
+    running.plant.begin()
+    told = [board for board, _ in running.open()]
+    return told, running.close()
 
 
-def released(plant: FreeRunning) -> FreeRunning:
-    while plant.tick < 0:
-        play(plant)
-    return plant
+def released(running: FreeRunning) -> FreeRunning:
+    while running.plant.tick < 0:
+        play(running)
+    return running
 
 
 def test_it_holds_the_body_until_boards_know_its_clock() -> None:
-    plant = made()
-    assert plant.tick == -510, "half a second and a delay line"
-    _, record = play(plant)
+    running = made()
+    assert running.plant.tick == -510, "half a second and a delay line"
+    _, record = play(running)
     assert record.tick == -510
-    while plant.tick < 0:
-        _, last = play(plant)
+    while running.plant.tick < 0:
+        _, last = play(running)
     assert last.angles_rad == record.angles_rad
 
 
 def test_each_board_is_told_when_its_period_begins() -> None:
-    plant = released(made())
-    assert [play(plant)[0] for _ in range(5)] == [[0, 1, 2], [1], [0, 1], [1], [0, 1, 2]]
+    running = released(made())
+    assert [play(running)[0] for _ in range(5)] == [[0, 1, 2], [1], [0, 1], [1], [0, 1, 2]]
 
 
 def test_an_observation_names_its_tick() -> None:
-    plant = released(made())
-    assert {decode(Observation, payload).tick for _, payload in plant.open()} == {0}
+    running = released(made())
+    assert {decode(Observation, payload).tick for _, payload in running.open()} == {0}
 
 
 def test_the_latest_torque_is_in_force_until_a_newer_one_comes() -> None:
-    plant = released(made())
-    assert plant.answer(0, torque(0, 0, 5.0))
-    applied = [play(plant)[1].torques_nm[0] for _ in range(3)]
-    assert plant.answer(0, torque(0, 2, 7.0))
-    assert not plant.answer(0, torque(0, 2, 8.0)), "said again, and not the same"
-    assert not plant.answer(0, torque(0, 0, 5.0)), "overtaken on the way"
-    applied.append(play(plant)[1].torques_nm[0])
+    running = released(made())
+    assert running.answer(0, torque(0, 0, 5.0))
+    applied = [play(running)[1].torques_nm[0] for _ in range(3)]
+    assert running.answer(0, torque(0, 2, 7.0))
+    assert not running.answer(0, torque(0, 2, 8.0)), "said again, and not the same"
+    assert not running.answer(0, torque(0, 0, 5.0)), "overtaken on the way"
+    applied.append(play(running)[1].torques_nm[0])
     assert applied == [5.0, 5.0, 5.0, 7.0]
-    assert not plant.refused
+    assert not running.plant.refused
 
 
 def test_the_record_has_the_frames_in_force() -> None:
-    plant = released(made())
+    running = released(made())
     payload = torque(1, 0, 1.0)
-    plant.answer(1, payload)
-    assert [play(plant)[1].answers for _ in range(2)] == [(b"", payload, b"")] * 2
+    running.answer(1, payload)
+    assert [play(running)[1].answers for _ in range(2)] == [(b"", payload, b"")] * 2
 
 
 def test_a_torque_that_is_too_old_is_not_applied_and_counted() -> None:
-    plant = released(made())
-    plant.answer(0, torque(0, 0, 5.0))
-    records = [play(plant)[1] for _ in range(30)]
+    running = released(made())
+    running.answer(0, torque(0, 0, 5.0))
+    records = [play(running)[1] for _ in range(30)]
     assert [record.torques_nm[0] for record in records] == [5.0] * 21 + [0.0] * 9
-    assert plant.stale_ticks == [9, 0, 0]
+    assert running.stale_ticks == [9, 0, 0]
     assert StaleTorque(0) in records[21].events
-    plant.answer(0, torque(0, 28, 6.0))
-    record = play(plant)[1]
+    running.answer(0, torque(0, 28, 6.0))
+    record = play(running)[1]
     assert record.torques_nm[0] == 6.0
     assert FreshTorque(0) in record.events
 
 
 def test_a_clock_that_is_ahead_makes_no_torque_younger() -> None:
-    plant = released(made())
-    assert plant.answer(0, torque(0, 100, 5.0))
-    assert [play(plant)[1].torques_nm[0] for _ in range(22)] == [5.0] * 21 + [0.0]
+    running = released(made())
+    assert running.answer(0, torque(0, 100, 5.0))
+    assert [play(running)[1].torques_nm[0] for _ in range(22)] == [5.0] * 21 + [0.0]
 
 
 @pytest.mark.parametrize(
@@ -125,99 +126,99 @@ def test_a_clock_that_is_ahead_makes_no_torque_younger() -> None:
     ids=["crc", "run", "incarnation", "future", "state"],
 )
 def test_what_is_no_torque_of_a_board_is_refused(payload: bytes, reason: Reason) -> None:
-    plant = released(made())
-    assert not plant.answer(0, payload)
-    assert plant.refused == {reason: 1}
-    assert play(plant)[1].torques_nm[0] == 0.0
+    running = released(made())
+    assert not running.answer(0, payload)
+    assert running.plant.refused == {reason: 1}
+    assert play(running)[1].torques_nm[0] == 0.0
 
 
 def test_no_number_is_replaced_and_too_much_is_cut() -> None:
-    plant = released(made())
-    plant.answer(0, torque(0, 0, 5.0))
-    plant.answer(0, torque(0, 2, float("nan")))
-    assert play(plant)[1].torques_nm[0] == 5.0
-    plant.answer(0, torque(0, 4, 1e9))
-    assert play(plant)[1].torques_nm[0] == 1000.0
-    assert (plant.actuators.invalid_torques, plant.actuators.saturated) == (1, 1)
+    running = released(made())
+    running.answer(0, torque(0, 0, 5.0))
+    running.answer(0, torque(0, 2, float("nan")))
+    assert play(running)[1].torques_nm[0] == 5.0
+    running.answer(0, torque(0, 4, 1e9))
+    assert play(running)[1].torques_nm[0] == 1000.0
+    assert (running.plant.actuators.invalid_torques, running.plant.actuators.saturated) == (1, 1)
 
 
 def test_a_board_that_goes_leaves_its_joint_unattended_at_once() -> None:
-    plant = released(made("unattended.how=braked"))
-    plant.answer(1, torque(1, 0, 50.0))
+    running = released(made("unattended.how=braked"))
+    running.answer(1, torque(1, 0, 50.0))
     for _ in range(10):
-        play(plant)
-    plant.remove(1, "died")
-    _, record = play(plant)
+        play(running)
+    running.remove(1, "died")
+    _, record = play(running)
     assert [type(event) for event in record.events] == [Departure, EnergyLoss, Sides]
-    angle_rad = plant.body.angles_rad[1]
+    angle_rad = running.plant.body.angles_rad[1]
     for _ in range(10):
-        told, _ = play(plant)
+        told, _ = play(running)
         assert 1 not in told
-    assert plant.body.angles_rad[1] == angle_rad
+    assert running.plant.body.angles_rad[1] == angle_rad
 
 
 def test_its_successor_drives_when_it_says_so() -> None:
-    plant = released(made("unattended.how=braked"))
-    plant.remove(1, "died")
-    play(plant)
-    plant.admit(1, 2)
-    assert not plant.answer(1, torque(1, 0, 50.0)), "of the one before"
-    plant.answer(1, torque(1, 2, 0.0, incarnation=2, state=State.SYNCING))
-    play(plant)
-    assert plant.body._braked[1]
-    plant.answer(1, torque(1, 3, 9.0, incarnation=2))
-    assert play(plant)[1].torques_nm[1] == 9.0
-    assert not plant.body._braked[1]
+    running = released(made("unattended.how=braked"))
+    running.remove(1, "died")
+    play(running)
+    running.plant.admit(1, 2)
+    assert not running.answer(1, torque(1, 0, 50.0)), "of the one before"
+    running.answer(1, torque(1, 2, 0.0, incarnation=2, state=State.SYNCING))
+    play(running)
+    assert running.plant.body._braked[1]
+    running.answer(1, torque(1, 3, 9.0, incarnation=2))
+    assert play(running)[1].torques_nm[1] == 9.0
+    assert not running.plant.body._braked[1]
 
 
 def test_commands_reach_a_board_in_its_next_observation() -> None:
     """At most one in each, and none is lost in a tick in which the board is told nothing."""
-    plant = released(made())
-    while plant.tick % 4 != 1:
-        play(plant)
+    running = released(made())
+    while running.plant.tick % 4 != 1:
+        play(running)
     for rad in (0.1, 0.2):
-        plant.agenda.add(plant.tick, ReferenceChange(2, rad))
+        running.plant.agenda.add(running.plant.tick, ReferenceChange(2, rad))
     told = []
     for _ in range(12):
-        plant.begin()
+        running.plant.begin()
         told += [
-            (plant.tick % 4, decode(Observation, payload).command != b"")
-            for board, payload in plant.open()
+            (running.plant.tick % 4, decode(Observation, payload).command != b"")
+            for board, payload in running.open()
             if board == 2
         ]
-        plant.close()
+        running.close()
     assert told == [(0, True), (0, True), (0, False)]
 
 
 def test_what_boards_tell_of_their_time_is_counted() -> None:
-    plant = made()
+    running = made()
     writer = TraceWriter(run_id=RUN, incarnation=1, links=1)
     writer.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
     writer.add(Lived(4, 10, 7000, 200, 0, 0, 3, Mark.LATE, (Taken(0, 0),)))
     frame = writer.flush()
     assert frame is not None
-    assert plant.lived(0, frame)
-    tally = plant.tallies[0]
+    assert running.lived(0, frame)
+    tally = running.tallies[0]
     assert (tally.periods, tally.missed, tally.late_us_max) == (5, 4, 7000)
-    assert not plant.lived(0, frame[:-1])
+    assert not running.lived(0, frame[:-1])
     other = TraceWriter(run_id=RUN + 1, incarnation=1, links=1)
     other.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
-    assert not plant.lived(0, other.flush() or b"")
-    assert set(plant.refused) == {Reason.CORRUPT, Reason.RUN}
+    assert not running.lived(0, other.flush() or b"")
+    assert set(running.plant.refused) == {Reason.CORRUPT, Reason.RUN}
 
 
 def test_the_plant_makes_up_no_clock_for_boards_that_have_one() -> None:
     """Start-up takes its ticks as in lockstep; readings are as old as they are."""
     settings = ("board.1.clock.skew_ppm=-500", "board.1.clock.start_up_ms=30")
-    clocks = made(*settings).config.clock_sheets
+    clocks = made(*settings).plant.config.clock_sheets
     assert clocks[1] == ClockSheet(start_up_ticks=30)
 
 
 def test_motors_sensors_and_passive_joints_are_as_in_lockstep() -> None:
-    plant = released(made("board.0.actuator.lag_ms=10", "board.0.sensors.encoder_offset_deg=1"))
-    plant.answer(0, torque(0, 0, 5.0))
-    assert 0.0 < play(plant)[1].torques_nm[0] < 5.0
-    while plant.tick % 2:
-        play(plant)
-    (told,) = [decode(Observation, payload) for board, payload in plant.open() if board == 0]
-    assert told.readings.joint_rad == plant.body.angles_rad[0] + radians(1.0)
+    running = released(made("board.0.actuator.lag_ms=10", "board.0.sensors.encoder_offset_deg=1"))
+    running.answer(0, torque(0, 0, 5.0))
+    assert 0.0 < play(running)[1].torques_nm[0] < 5.0
+    while running.plant.tick % 2:
+        play(running)
+    (told,) = [decode(Observation, payload) for board, payload in running.open() if board == 0]
+    assert told.readings.joint_rad == running.plant.body.angles_rad[0] + radians(1.0)

@@ -75,7 +75,7 @@ def test_what_is_no_answer_is_counted_by_its_reason(which: int) -> None:
     opened(lockstep)
     reason, payload = unusable(0, 0)[which]
     assert not lockstep.answer(0, payload)
-    assert lockstep.refused == Counter({reason: 1})
+    assert lockstep.plant.refused == Counter({reason: 1})
     assert lockstep.waiting_for == [0, 1, 2]
     assert lockstep.answer(0, answer(0, 1.0))
     assert lockstep.waiting_for == [1, 2]
@@ -110,7 +110,7 @@ def test_an_answer_with_impossible_numbers_is_refused(impossible: dict[str, Any]
     opened(lockstep)
     good = torque_frame(0, 1.0)
     assert not lockstep.answer(0, encode(TorqueFrame(**{**good._asdict(), **impossible})))
-    assert lockstep.refused == Counter({Reason.RANGE: 1})
+    assert lockstep.plant.refused == Counter({Reason.RANGE: 1})
 
 
 TORQUES_NM = [(7.0, -3.0, 1.0), (6.5, 2.0, -1.0), (-8.0, 0.0, 60.0)]
@@ -139,9 +139,9 @@ def test_answers_are_a_set(data: st.DataObject) -> None:
                 expected[reason] += 1
         assert not chaotic.waiting_for
         assert chaotic.close() == record
-    assert chaotic.refused == expected
-    assert chaotic.actuators.saturated == orderly.actuators.saturated == 1
-    assert orderly.outcome(0.0) == chaotic.outcome(0.0)
+    assert chaotic.plant.refused == expected
+    assert chaotic.plant.actuators.saturated == orderly.plant.actuators.saturated == 1
+    assert orderly.plant.outcome(0.0) == chaotic.plant.outcome(0.0)
 
 
 def test_the_first_answer_of_a_tick_stands() -> None:
@@ -154,7 +154,7 @@ def test_the_first_answer_of_a_tick_stands() -> None:
     reply(lockstep, KNEE)
     reply(lockstep, HIP)
     assert lockstep.close().torques_nm == (5.0, 0.0, 0.0)
-    assert lockstep.actuators.invalid_torques == 0
+    assert lockstep.plant.actuators.invalid_torques == 0
 
 
 def test_a_tick_is_not_over_before_everybody_has_answered() -> None:
@@ -173,13 +173,13 @@ def test_a_torque_that_is_no_number_is_bridged_for_ten_ticks(number: float) -> N
     play(lockstep, 12.0, 0.0, 0.0)
     applied = [play(lockstep, number, 0.0, 0.0).torques_nm[0] for _ in range(15)]
     assert applied == [12.0] * 10 + [0.0] * 5
-    assert lockstep.actuators.invalid_torques == 15
-    assert lockstep.actuators.saturated == 0
+    assert lockstep.plant.actuators.invalid_torques == 15
+    assert lockstep.plant.actuators.saturated == 0
     # A valid torque ends it, and the next gap has ten ticks of its own.
     assert play(lockstep, -4.0, 0.0, 0.0).torques_nm[0] == -4.0
     applied = [play(lockstep, number, 0.0, 0.0).torques_nm[0] for _ in range(11)]
     assert applied == [-4.0] * 10 + [0.0]
-    assert not lockstep.body.fallen
+    assert not lockstep.plant.body.fallen
 
 
 @pytest.mark.parametrize("hold_ticks", [0, 3])
@@ -201,29 +201,29 @@ def test_torques_beyond_the_limit_are_saturated_and_counted() -> None:
     """The limit itself is within it; what bridges a gap afterwards is what was applied."""
     lockstep = plant()
     assert play(lockstep, LIMIT_NM, -LIMIT_NM, 0.0).torques_nm == (LIMIT_NM, -LIMIT_NM, 0.0)
-    assert lockstep.actuators.saturated == 0
+    assert lockstep.plant.actuators.saturated == 0
     beyond = play(lockstep, 50.000001, -1e300, 49.9)
     assert beyond.torques_nm == (LIMIT_NM, -LIMIT_NM, 49.9)
-    assert lockstep.actuators.saturated == 2
+    assert lockstep.plant.actuators.saturated == 2
     assert play(lockstep, nan, nan, 0.0).torques_nm == (LIMIT_NM, -LIMIT_NM, 0.0)
-    assert lockstep.actuators.saturated == 2
+    assert lockstep.plant.actuators.saturated == 2
 
 
 def test_the_body_is_held_through_the_warm_up_and_released_by_tick_zero() -> None:
     """S8: ticks -W to -1, torques answered but not applied, not felt and not recorded."""
     lockstep = plant(warm_up_ticks=4)
     for tick in range(-4, 0):
-        assert lockstep.tick == tick
+        assert lockstep.plant.tick == tick
         record = play(lockstep, 30.0, -30.0, 30.0)
         assert record.tick == tick
         assert (record.angles_rad, record.rates_rad_s) == (POSTURE_RAD, (0.0, 0.0, 0.0))
         assert record.torques_nm == (0.0, 0.0, 0.0)
-        assert lockstep.body.angles_rad == list(POSTURE_RAD)
-        assert lockstep.body.torques_nm == [0.0, 0.0, 0.0]
+        assert lockstep.plant.body.angles_rad == list(POSTURE_RAD)
+        assert lockstep.plant.body.torques_nm == [0.0, 0.0, 0.0]
     record = play(lockstep, 30.0, -30.0, 30.0)
     assert (record.tick, record.torques_nm) == (0, (30.0, -30.0, 30.0))
     assert record.angles_rad == POSTURE_RAD
-    assert all(q != q0 for q, q0 in zip(lockstep.body.angles_rad, POSTURE_RAD, strict=True))
+    assert all(q != q0 for q, q0 in zip(lockstep.plant.body.angles_rad, POSTURE_RAD, strict=True))
 
 
 def test_the_warm_up_leaves_no_trace() -> None:
@@ -241,7 +241,7 @@ def test_a_board_senses_its_own_joint_and_what_it_carries() -> None:
     """Joint sensors everywhere; the IMU in the trunk and the plate under the foot, nowhere else."""
     lockstep = plant()
     play(lockstep, 20.0, -10.0, 5.0)
-    body = lockstep.body
+    body = lockstep.plant.body
     seen = list(opened(lockstep).values())
     for board, observation in enumerate(seen):
         assert (observation.run_id, observation.incarnation, observation.tick) == (RUN, 1, 1)
@@ -269,10 +269,10 @@ def test_a_board_cannot_tell_what_happens_at_other_joints() -> None:
     """Its observation is the same bytes whatever the others' joints do (the knee has neither IMU
     nor force plate)."""
     here, elsewhere = plant(), plant()
-    elsewhere.body.angles_rad = [0.7, POSTURE_RAD[1], -0.4]
-    elsewhere.body.rates_rad_s = [1.0, 0.0, -2.0]
-    elsewhere.body.torques_nm = [9.0, 0.0, -9.0]
-    elsewhere.body.foot_force_n = 1.0
+    elsewhere.plant.body.angles_rad = [0.7, POSTURE_RAD[1], -0.4]
+    elsewhere.plant.body.rates_rad_s = [1.0, 0.0, -2.0]
+    elsewhere.plant.body.torques_nm = [9.0, 0.0, -9.0]
+    elsewhere.plant.body.foot_force_n = 1.0
     mine, other = list(here.open()), list(elsewhere.open())
     assert mine[1] == other[1]
     assert mine[0] != other[0]
@@ -292,23 +292,23 @@ def test_the_roster_names_mechanical_neighbours_only() -> None:
 def test_a_run_has_its_ticks() -> None:
     lockstep = plant(warm_up_ticks=2, ticks=3)
     records = []
-    while not lockstep.over:
+    while not lockstep.plant.over:
         records.append(play(lockstep, -20.0, -10.0, -10.0))
     assert [record.tick for record in records] == [-2, -1, 0, 1, 2]
-    outcome = lockstep.outcome(0.5)
+    outcome = lockstep.plant.outcome(0.5)
     assert (outcome.tick, outcome.ending, outcome.wall_s) == (3, COMPLETE, 0.5)
-    assert outcome.angles_rad == tuple(lockstep.body.angles_rad)
+    assert outcome.angles_rad == tuple(lockstep.plant.body.angles_rad)
 
 
 def test_a_fall_ends_the_run_and_says_so() -> None:
     """S21, and it is the reason that is given even when the run was cut short."""
     lockstep = plant()
-    while not lockstep.over:
+    while not lockstep.plant.over:
         play(lockstep, 50.0, 50.0, 50.0)
-    assert lockstep.tick < 1000
-    assert lockstep.outcome(0.0).ending == FELL
-    assert lockstep.outcome(0.0, "stopped").ending == FELL
-    assert plant().outcome(0.0, "stopped").ending == "stopped"
+    assert lockstep.plant.tick < 1000
+    assert lockstep.plant.outcome(0.0).ending == FELL
+    assert lockstep.plant.outcome(0.0, "stopped").ending == FELL
+    assert plant().plant.outcome(0.0, "stopped").ending == "stopped"
 
 
 def test_s5_a_board_that_dies_after_it_has_answered_has_completed_the_tick() -> None:
@@ -317,7 +317,7 @@ def test_s5_a_board_that_dies_after_it_has_answered_has_completed_the_tick() -> 
     opened(lockstep)
     assert reply(lockstep, HIP, 20.0)
     lockstep.remove(HIP, "died")
-    assert lockstep.roster.present(HIP)
+    assert lockstep.plant.roster.present(HIP)
     record = finish(lockstep, 0.0, 0.0, 0.0)
     assert record.torques_nm == (0.0, 0.0, 20.0)
     assert record.answers[HIP] == answer(0, 20.0, board=HIP)
@@ -387,7 +387,7 @@ def test_deaths_in_one_tick_are_the_same_in_any_order(order: tuple[int, int]) ->
         for board in boards:
             lockstep.remove(board, "died")
         record = finish(lockstep, 1.0, 2.0, 3.0)
-        return [*lockstep.body.angles_rad, *lockstep.body.rates_rad_s], record
+        return [*lockstep.plant.body.angles_rad, *lockstep.plant.body.rates_rad_s], record
 
     (state, record), (other, expected) = play_deaths(order), play_deaths((KNEE, HIP))
     assert state == other
@@ -406,7 +406,7 @@ def test_a_tick_is_recorded_as_it_was_sensed_even_if_a_brake_closes_in_it() -> N
     assert again == told[KNEE]
     record = finish(lockstep)
     assert record.rates_rad_s[HIP] == told[HIP].readings.joint_rad_s != 0.0
-    assert lockstep.body.rates_rad_s[HIP] == 0.0
+    assert lockstep.plant.body.rates_rad_s[HIP] == 0.0
     ((board, lost_j),) = happened(record, "energy_lost_j")
     assert board == HIP
     assert isinstance(lost_j, float)
@@ -420,16 +420,16 @@ def test_s17_a_braked_joint_is_constant_until_its_new_board_drives() -> None:
         play(lockstep, 20.0, -10.0, 5.0)
     lockstep.remove(HIP, "unplugged")
     held = {play(lockstep).angles_rad[HIP] for _ in range(5)}
-    lockstep.admit(HIP, 2)
+    lockstep.plant.admit(HIP, 2)
     for _ in range(4):
         opened(lockstep)
         reply(lockstep, HIP, 7.0, State.SYNCING)
         record = finish(lockstep)
         assert record.torques_nm[HIP] == 0.0
-        held.add(lockstep.body.angles_rad[HIP])
+        held.add(lockstep.plant.body.angles_rad[HIP])
     assert len(held) == 1
     assert play(lockstep, 0.0, 0.0, 7.0).torques_nm[HIP] == 7.0
-    assert lockstep.body.angles_rad[HIP] not in held
+    assert lockstep.plant.body.angles_rad[HIP] not in held
 
 
 def test_s17_a_board_that_comes_during_the_warm_up_is_no_exception() -> None:
@@ -437,15 +437,15 @@ def test_s17_a_board_that_comes_during_the_warm_up_is_no_exception() -> None:
     play(lockstep)
     lockstep.remove(HIP, "died")
     play(lockstep)
-    lockstep.admit(HIP, 2)
-    while lockstep.tick < 3:
+    lockstep.plant.admit(HIP, 2)
+    while lockstep.plant.tick < 3:
         opened(lockstep)
         reply(lockstep, HIP, 0.0, State.SYNCING)
         finish(lockstep)
-    assert lockstep.body.angles_rad[HIP] == POSTURE_RAD[HIP]
-    assert lockstep.body.angles_rad[KNEE] != POSTURE_RAD[KNEE]
+    assert lockstep.plant.body.angles_rad[HIP] == POSTURE_RAD[HIP]
+    assert lockstep.plant.body.angles_rad[KNEE] != POSTURE_RAD[KNEE]
     play(lockstep)
-    assert lockstep.body.angles_rad[HIP] != POSTURE_RAD[HIP]
+    assert lockstep.plant.body.angles_rad[HIP] != POSTURE_RAD[HIP]
 
 
 def test_s17_limp_and_passive_joints_move_without_a_motor() -> None:
@@ -458,7 +458,7 @@ def test_s17_limp_and_passive_joints_move_without_a_motor() -> None:
             record = play(lockstep)
             assert record.torques_nm[KNEE] == 0.0
         assert record.angles_rad[KNEE] != POSTURE_RAD[KNEE]
-        assert (lockstep.body.torques_nm[KNEE] != 0.0) == shows
+        assert (lockstep.plant.body.torques_nm[KNEE] != 0.0) == shows
 
 
 def test_a_new_incarnation_does_not_inherit_the_torque_of_the_old_one() -> None:
@@ -466,7 +466,7 @@ def test_a_new_incarnation_does_not_inherit_the_torque_of_the_old_one() -> None:
     lockstep = plant()
     play(lockstep, 0.0, 0.0, 20.0)
     lockstep.remove(HIP, "died")
-    lockstep.admit(HIP, 2)
+    lockstep.plant.admit(HIP, 2)
     assert play(lockstep, 0.0, 0.0, nan).torques_nm[HIP] == 0.0
 
 
@@ -510,7 +510,7 @@ def test_s16_what_was_said_before_a_board_was_there_was_not_said_to_it() -> None
     lockstep = plant()
     lockstep.remove(HIP, "unplugged")
     play(lockstep)
-    lockstep.admit(HIP, 2)
+    lockstep.plant.admit(HIP, 2)
     told = opened(lockstep)
     assert told[HIP].neighbours == (Neighbour(1, NO_TICK, 1),)
     assert told[KNEE].neighbours == (Neighbour(1, 0, 1), Neighbour(2, NO_TICK, 1))
@@ -524,10 +524,10 @@ def test_s16_what_was_said_before_a_board_was_there_was_not_said_to_it() -> None
 def test_other_incarnations_are_fenced(stale: int) -> None:
     lockstep = plant()
     lockstep.remove(HIP, "died")
-    lockstep.admit(HIP, 2)
+    lockstep.plant.admit(HIP, 2)
     opened(lockstep)
     assert not lockstep.answer(HIP, answer(0, 9.0, board=HIP, incarnation=stale))
-    assert lockstep.refused == Counter({Reason.INCARNATION: 1})
+    assert lockstep.plant.refused == Counter({Reason.INCARNATION: 1})
     assert lockstep.answer(HIP, answer(0, 9.0, board=HIP, incarnation=2))
 
 
@@ -551,7 +551,7 @@ def test_a_push_acts_for_exactly_its_ticks() -> None:
     forces, begun = [], []
     for _ in range(9):
         record = play(lockstep)
-        forces.append(tuple(lockstep.body.forces_n[1:]))
+        forces.append(tuple(lockstep.plant.body.forces_n[1:]))
         begun += [(record.tick, event) for event in happened(record, "push")]
     assert forces[:3] == [(0.0, 0.0)] * 3
     assert forces[3:7] == [(0.0, 40.0), (0.0, 30.0), (5.0, 40.0), (5.0, 0.0)]
@@ -575,12 +575,12 @@ def test_a_fall_says_when_and_which_joints_nobody_drove() -> None:
     play(lockstep)
     lockstep.remove(HIP, "died")
     play(lockstep)
-    lockstep.admit(HIP, 2)
-    while not lockstep.over:
+    lockstep.plant.admit(HIP, 2)
+    while not lockstep.plant.over:
         opened(lockstep)
         reply(lockstep, HIP, 0.0, State.SYNCING)
         finish(lockstep)
-    outcome = lockstep.outcome(0.0)
+    outcome = lockstep.plant.outcome(0.0)
     assert outcome.undriven == (
         Undriven("knee", 1, "passive", has_board=False),
         Undriven("hip", 2, "passive", has_board=True),
@@ -594,9 +594,9 @@ def test_a_fall_says_when_and_which_joints_nobody_drove() -> None:
 
 def test_a_fall_of_a_whole_robot_says_when() -> None:
     lockstep = plant()
-    while not lockstep.over:
+    while not lockstep.plant.over:
         play(lockstep, 50.0, 50.0, 50.0)
-    outcome = lockstep.outcome(0.0)
+    outcome = lockstep.plant.outcome(0.0)
     assert outcome.undriven == ()
     assert fall_line(outcome, 1e-3) == f"fell at {outcome.tick / 1000:.2f} s"
 
@@ -608,7 +608,7 @@ def test_sides_are_recorded_when_they_change() -> None:
     lockstep.remove(KNEE, "unplugged")
     assert happened(play(lockstep), "sides") == [[[[ANKLE], [HIP]]]]
     assert happened(play(lockstep), "sides") == []
-    lockstep.admit(KNEE, 2)
+    lockstep.plant.admit(KNEE, 2)
     assert happened(play(lockstep), "sides") == [[[[ANKLE, KNEE, HIP]]]]
     opened(lockstep)
     lockstep.remove(KNEE, "died")

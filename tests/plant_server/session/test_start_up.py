@@ -22,8 +22,8 @@ def pulled(sheet: ClockSheet, *more: tuple[int, Command], seed: int = 0) -> Lock
 def admitted(lockstep: Lockstep, ticks: int = 60) -> int | None:
     """In which tick the driver is asked to put the knee in."""
     for _ in range(ticks):
-        if lockstep.begin() == Plug(KNEE):
-            return lockstep.tick
+        if lockstep.plant.begin() == Plug(KNEE):
+            return lockstep.plant.tick
         list(lockstep.open())
         for board in lockstep.waiting_for:
             lockstep.remove(board, "died")
@@ -61,8 +61,8 @@ def test_the_plant_goes_on_meanwhile_and_says_when_it_is_ready() -> None:
     lockstep = pulled(SLOW)
     records = [play(lockstep) for _ in range(28)]
     assert [record.tick for record in records if happened(record, "plug")] == [10]
-    assert lockstep.start_up.under_way(KNEE)
-    assert lockstep.agenda.expects_plug(KNEE)
+    assert lockstep.plant.start_up.under_way(KNEE)
+    assert lockstep.plant.agenda.expects_plug(KNEE)
     assert all(not record.answers[KNEE] for record in records)
     later = [play(lockstep) for _ in range(10)]
     (ready,) = (record.tick for record in later if happened(record, "ready"))

@@ -64,9 +64,9 @@ def test_counters_failures_and_boards_that_hang_are_told() -> None:
 
 def test_a_storm_may_be_of_what_the_plant_refuses_or_of_what_a_board_tells_it_refuses() -> None:
     lockstep, watch = plant(), Watch(list(JOINTS))
-    assert watch.look(10.0, lockstep) == []
+    assert watch.look(10.0, lockstep.plant) == []
     for _ in range(2000):
-        lockstep.refuse(HIP, Reason.CORRUPT)
+        lockstep.plant.refuse(HIP, Reason.CORRUPT)
         watch.count(ENROLMENT_REQUESTS, Reason.SIZE)
         watch.count("reports of knee", Reason.MALFORMED)
     opened(lockstep)
@@ -79,7 +79,7 @@ def test_a_storm_may_be_of_what_the_plant_refuses_or_of_what_a_board_tells_it_re
         ("frames to knee", 3000.0, Reason.RANGE),
         (ENROLMENT_REQUESTS, 2000.0, Reason.SIZE),
     }
-    assert set(watch.look(11.0, lockstep)) == expected, "reports were not known before"
+    assert set(watch.look(11.0, lockstep.plant)) == expected, "reports were not known before"
     assert {tuple(storm.values()) for storm in told(lockstep, watch)["storms"]} == expected
-    assert watch.look(12.0, lockstep) == []
+    assert watch.look(12.0, lockstep.plant) == []
     assert told(lockstep, watch)["storms"] == []
