@@ -10,7 +10,7 @@ import zenoh
 
 from plant_server.process.network import Network
 from plant_server.process.runtime import Options, assemble
-from plant_server.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
+from plant_server.session.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
 from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.durations import duration_s, pace

@@ -23,7 +23,7 @@ from deploy.launch.twin import run_twin
 from deploy.outcome.indices import NEVER, all_indices, elections, samples
 from deploy.recording.trajectory import Floats, Trajectory, trajectory
 from deploy.scenario_file.load import load
-from plant_server.record import FELL
+from plant_server.session.record import FELL
 from protocol.robot.states import State
 
 SCENARIO = "paper"

@@ -9,7 +9,7 @@ from pathlib import Path
 from deploy.launch.processes import SPOOL, Processes, RunFailedError, Watch
 from deploy.launch.rigs import NoPortsError, claim
 from deploy.launch.twin import Twin
-from plant_server.record import STOPPED, fall_line
+from plant_server.session.record import STOPPED, fall_line
 from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.exit_codes import ExitCode

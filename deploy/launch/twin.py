@@ -13,10 +13,10 @@ from module_agent.assembly import assemble
 from module_agent.custom import sandbox
 from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import board_config
-from plant_server.record import Outcome, TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.plant import Plant
+from plant_server.session.record import Outcome, TickRecord
 from protocol.robot.events import Plug, Unplug, Why
 from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import Observation
@@ -26,7 +26,7 @@ class Twin:
     """One robot in one process.
 
     `tick` and `run` play it as it is. A replay, or whoever disturbs it, plays the same steps with
-    others in between: `boundary`, `lockstep.open`, `live`, `deliver`, `lockstep.close`.
+    others in between: `boundary`, `lockstep.open`, `answer`, `deliver`, `lockstep.close`.
     """
 
     def __init__(self, scenario: Scenario, *, empty: bool = False) -> None:
@@ -64,7 +64,7 @@ class Twin:
         for board, payload in self.lockstep.open():
             firmware = self.boards[board]
             assert firmware is not None
-            actuation = self.live(firmware, firmware.read(payload))
+            actuation = self.answer(firmware, firmware.read(payload))
             for receiver, frame in zip(firmware.config.neighbours, actuation.links, strict=True):
                 self.deliver(board, receiver, frame)
 
@@ -76,8 +76,8 @@ class Twin:
             case Plug(board):
                 plug(board)
 
-    def live(self, firmware: Board, observation: Observation) -> Actuation:
-        """Have a board live through the open tick, and give the plant its answer."""
+    def answer(self, firmware: Board, observation: Observation) -> Actuation:
+        """Have a board think about the open tick, and give the plant its answer."""
         actuation = firmware.tick(observation)
         board = firmware.config.index
         for fault in actuation.faults:

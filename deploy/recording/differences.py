@@ -10,7 +10,7 @@ from struct import pack
 from typing import Any, NamedTuple
 
 from deploy.recording.replay import Replay, UnplayableError
-from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
+from plant_server.session.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.spool.spool import Spool
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import ProtocolError, TorqueFrame, decode

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from deploy.recording.frame_fate import NEVER, FrameFate
-from deploy.recording.replay import Drawn, Link, Played
+from deploy.recording.replay import Link, LinkDraw, ReplayedTick
 from protocol.wire.frames import TorqueFrame
 from protocol.wire.wiring import neighbours
 
@@ -46,7 +46,9 @@ class FateTracker:
         ]
         """Each link, its place among those of its receiver, and its frames by the tick said."""
 
-    def tick(self, played: Played, answers: Sequence[TorqueFrame | None]) -> Iterator[FrameOutcome]:
+    def tick(
+        self, played: ReplayedTick, answers: Sequence[TorqueFrame | None]
+    ) -> Iterator[FrameOutcome]:
         """Live through a tick; give the frames whose fate it settles.
 
         `answers` are the torque frames that were recorded, None where a board did not answer.
@@ -81,7 +83,7 @@ class FateTracker:
 
 
 def _arrive(
-    link: Link, under_way: dict[int, PendingFrame], played: Played, heard_mask: int
+    link: Link, under_way: dict[int, PendingFrame], played: ReplayedTick, heard_mask: int
 ) -> Iterator[FrameOutcome]:
     """What a receiver used in a tick, and what will not be heard any more."""
     tick = played.record.tick
@@ -108,7 +110,7 @@ def _arrive(
             yield FrameOutcome(link, said_tick, fate, NEVER)
 
 
-def _unheard(drawn: Drawn | None) -> FrameFate | None:
+def _unheard(drawn: LinkDraw | None) -> FrameFate | None:
     """Why a frame was not heard in the tick after it was said; None: it is late."""
     if drawn is None:
         return FrameFate.VOID

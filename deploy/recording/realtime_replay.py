@@ -20,10 +20,10 @@ from deploy.recording.replay import UnplayableError
 from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import Actuation
 from module_agent.firmware.config import board_config
-from plant_server.record import TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.plant import Plant
+from plant_server.session.record import TickRecord
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import (
     Admission,
@@ -66,7 +66,7 @@ Words = dict[tuple[Life, int, int], bytes]
 """What boards that were killed have said last, by the tick, and who heard it."""
 
 
-class Replayed(NamedTuple):
+class RealtimeReplay(NamedTuple):
     """What came of a replay."""
 
     ticks: int
@@ -81,7 +81,7 @@ class Replayed(NamedTuple):
     """What did not come out as it was recorded, the first of each kind."""
 
 
-def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) -> Replayed:
+def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) -> RealtimeReplay:
     """Play a recorded run again and compare; `on_tick` is told how far it is, in ticks.
 
     Raises ValueError for a run in lockstep, or `UnplayableError`.
@@ -112,7 +112,7 @@ def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) ->
         torques, differences = _compare(plant, said)
     except IMPOSSIBLE as error:
         raise UnplayableError(f"a turn cannot have been as it is recorded: {error}") from error
-    return Replayed(
+    return RealtimeReplay(
         ticks=len(spool.ticks),
         periods=sum(one.played for one in boards),
         torques=torques,

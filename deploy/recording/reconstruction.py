@@ -15,7 +15,7 @@ from deploy.recording.differences import REFUSED
 from deploy.recording.fates import FateTracker, FrameOutcome
 from deploy.recording.realtime_replay import IMPOSSIBLE, PlantReplay
 from deploy.recording.replay import Link, Replay, UnplayableError
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from plant_server.spool.spool import Spool
 from protocol.robot.scenario import Scenario
 from protocol.robot.states import COUNTERS

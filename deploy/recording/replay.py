@@ -16,7 +16,7 @@ from module_agent.assembly import assemble
 from module_agent.firmware.board import Board
 from module_agent.firmware.config import board_config
 from module_agent.firmware.link_model import Fate, LinkModel
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from protocol.robot.events import (
     Admission,
     BetweenTicks,
@@ -52,7 +52,7 @@ class UnplayableError(Exception):
     """What a recording says cannot have happened."""
 
 
-class Drawn(NamedTuple):
+class LinkDraw(NamedTuple):
     """What the link model made of one frame."""
 
     fate: Fate
@@ -63,16 +63,16 @@ class Drawn(NamedTuple):
 class Witness(LinkModel):
     """A link model that remembers what it drew last."""
 
-    drawn: Drawn | None = None
+    drawn: LinkDraw | None = None
 
     def fate(self, said_tick: int) -> Fate:
         """Draw, and remember it."""
         fate = super().fate(said_tick)
-        self.drawn = Drawn(fate, bool(self.parameters.cut))
+        self.drawn = LinkDraw(fate, bool(self.parameters.cut))
         return fate
 
 
-class Played(NamedTuple):
+class ReplayedTick(NamedTuple):
     """One tick as the replay lived through it."""
 
     record: TickRecord
@@ -85,7 +85,7 @@ class Played(NamedTuple):
     """What each board was told that answered."""
     links: dict[Link, bytes]
     """Link frames said."""
-    drawn: dict[Link, Drawn]
+    drawn: dict[Link, LinkDraw]
     """What the link models made of the frames of the tick before that were there to be used."""
 
 
@@ -98,7 +98,7 @@ class Replay:
         self.everybody: list[Board] = []
         """All boards there have been, also those that are gone."""
 
-    def play(self, recorded: TickRecord) -> Played:
+    def play(self, recorded: TickRecord) -> ReplayedTick:
         """Play the next tick. Raises `UnplayableError`."""
         lockstep = self.twin.lockstep
         roster = lockstep.plant.roster
@@ -124,7 +124,7 @@ class Replay:
             for witness in self.witnesses[board]
             if witness.drawn is not None
         }
-        return Played(lockstep.close(), incarnations, newcomers, told, links, drawn)
+        return ReplayedTick(lockstep.close(), incarnations, newcomers, told, links, drawn)
 
     def _live(self, board: int, payload: bytes, links: dict[Link, bytes]) -> Observation:
         """Let a board live through the tick; what it was told. Keep the link frames it says."""
@@ -136,7 +136,7 @@ class Replay:
             observation = firmware.read(payload)
         except ProtocolError as error:
             raise UnplayableError(f"board {board} cannot be told: {error}") from error
-        actuation = self.twin.live(firmware, observation)
+        actuation = self.twin.answer(firmware, observation)
         for receiver, frame in zip(firmware.config.neighbours, actuation.links, strict=True):
             self.twin.deliver(board, receiver, frame)
             links[board, receiver] = frame

@@ -11,7 +11,7 @@ from typing import Any
 from deploy.recording.files import UnreadableError, is_mcap, recording_file
 from deploy.recording.mcap.file import read_mcap
 from deploy.recording.replay import Replay
-from plant_server.record import Outcome
+from plant_server.session.record import Outcome
 from plant_server.spool.spool import PLANT, Spool, read_spool
 from protocol.robot.events import check_event
 from protocol.wire.frames import LinkFrame, ProtocolError, decode

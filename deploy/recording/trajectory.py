@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plant_server.record import Outcome, TickRecord
+from plant_server.session.record import Outcome, TickRecord
 from plant_server.spool.spool import Spool
 from protocol.robot.events import Event
 from protocol.robot.scenario import Scenario

@@ -13,8 +13,7 @@ from math import copysign, exp, fabs, floor, isfinite
 
 from plant_server.body.body import Body
 from plant_server.hardware.foot import Foot
-from plant_server.session.config import PlantConfig
-from protocol.robot.hardware import IDEAL, MotorSheet
+from protocol.robot.hardware import IDEAL, FootSheet, MotorSheet
 
 SAFE_TORQUE_NM = 0.0
 
@@ -52,20 +51,31 @@ class Motor:
 class Actuators:
     """The motors of all joints, and what is asked of them."""
 
-    def __init__(self, config: PlantConfig) -> None:
+    def __init__(
+        self,
+        limits_nm: Sequence[float],
+        motor_sheets: Sequence[MotorSheet],
+        foot: FootSheet | None,
+        *,
+        tick_s: float,
+    ) -> None:
+        """One limit for each joint, and a data sheet; without any, all motors are ideal.
+
+        `foot`: None if the ground takes any torque.
+        """
         self.saturated = 0
         self.invalid_torques = 0
-        self._limits_nm = config.torque_limits_nm
-        self._asked_nm = [0.0] * len(config.joints)
-        self._invalid_ticks = [0] * len(config.joints)
-        sheets = config.motor_sheets or (IDEAL,) * len(config.joints)
+        self._limits_nm = limits_nm
+        self._asked_nm = [0.0] * len(limits_nm)
+        self._invalid_ticks = [0] * len(limits_nm)
+        sheets = motor_sheets or (IDEAL,) * len(limits_nm)
         self._hold_ticks = [sheet.hold_ticks for sheet in sheets]
         self._motors = {
-            joint: Motor(sheet, tick_s=config.tick_s)
+            joint: Motor(sheet, tick_s=tick_s)
             for joint, sheet in enumerate(sheets)
             if not sheet.ideal
         }
-        self._foot = None if config.foot is None else Foot(config.foot)
+        self._foot = None if foot is None else Foot(foot)
         self.tipping = False
         """Whether the ankle was asked for more than the foot can bear."""
 

@@ -184,7 +184,7 @@ class BoardProcesses:
         """A board in realtime tells of its periods."""
         running, board, payload = self.driver, self.board_of(sample), sample.payload.to_bytes()
         assert isinstance(running, FreeRunning)
-        if running.lived(board, payload) and self.recorder is not None:
+        if running.take_trace(board, payload) and self.recorder is not None:
             self.recorder.keep_realtime(board, payload)
 
     def _gone(self, alive_key: str) -> None:

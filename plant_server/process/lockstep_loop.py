@@ -12,9 +12,9 @@ import zenoh
 
 from plant_server.process.board_processes import BoardProcesses
 from plant_server.process.network import STALLED, Event
-from plant_server.record import Walls
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.pace import Pace
+from plant_server.session.record import Walls
 from protocol.process.stopping import undisturbed
 from protocol.robot.events import Plug, Unplug
 from protocol.wire.wiring import neighbours

@@ -9,9 +9,9 @@ Rule 3: boards are started and ended, and come and go, while the body moves. A b
 import time
 
 from plant_server.process.board_processes import BoardProcesses
-from plant_server.record import Walls
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
+from plant_server.session.record import Walls
 from plant_server.spool.spool import PLANT
 from protocol.process.stopping import undisturbed
 from protocol.robot.events import Plug, StaleTorque, Unplug

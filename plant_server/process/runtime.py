@@ -9,13 +9,13 @@ from plant_server.process.console import Console
 from plant_server.process.lockstep_loop import LockstepLoop
 from plant_server.process.network import Network
 from plant_server.process.realtime_loop import RealtimeLoop
-from plant_server.record import STOPPED, Outcome
 from plant_server.session.config import plant_config
 from plant_server.session.enrolment import Enrolment
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.pace import Pace
 from plant_server.session.plant import Plant
+from plant_server.session.record import STOPPED, Outcome
 from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import StoppedError

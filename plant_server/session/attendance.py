@@ -1,8 +1,8 @@
 """Attendance: which joints are driven by a board, and what the others do meanwhile (S17)."""
 
 from plant_server.body.body import Body
-from plant_server.record import Undriven
 from plant_server.session.config import PlantConfig
+from plant_server.session.record import Undriven
 from plant_server.session.roster import Roster
 from protocol.robot.events import EnergyLoss
 from protocol.robot.hardware import Unattended

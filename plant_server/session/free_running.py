@@ -3,7 +3,7 @@
     command = running.plant.begin()        as in lockstep
     observations = running.open()          for the boards whose period begins with this tick
     running.answer(board, payload)         at any time between two ticks
-    running.lived(board, payload)          as above: what a board says of its own time
+    running.take_trace(board, payload)          as above: what a board says of its own time
     record = running.close()               with the torques that are in force
 
 Rule 1: a board gets an observation in each tick that is a multiple of its ticks per period. So all
@@ -21,8 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plant_server.hardware.actuators import SAFE_TORQUE_NM
-from plant_server.record import TickRecord
 from plant_server.session.plant import Plant
+from plant_server.session.record import TickRecord
 from plant_server.session.telemetry import Failure
 from protocol.robot.events import FreshTorque, StaleTorque, Why
 from protocol.wire.frames import ProtocolError, Reason, TorqueFrame, encode
@@ -91,7 +91,7 @@ class FreeRunning:
         """Take a part of what a board reports of its failure, in whichever tick that was."""
         return self.plant.report(board, payload, tick=None)
 
-    def lived(self, board: int, payload: bytes) -> bool:
+    def take_trace(self, board: int, payload: bytes) -> bool:
         """Take what a board tells of its time; tell whether it is of this run."""
         plant = self.plant
         try:

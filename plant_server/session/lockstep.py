@@ -14,8 +14,8 @@ Rule 3: whoever drives this decides how long it waits.
 
 from collections.abc import Iterator
 
-from plant_server.record import TickRecord
 from plant_server.session.plant import Plant
+from plant_server.session.record import TickRecord
 from plant_server.session.telemetry import Failure
 from protocol.robot.events import Excuse, Why
 from protocol.wire.frames import Observation, ProtocolError, encode

@@ -24,10 +24,10 @@ from plant_server.body.body import Body
 from plant_server.body.disturbances import Disturbances
 from plant_server.hardware.actuators import Actuators
 from plant_server.hardware.sensors import Sensors
-from plant_server.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.session.agenda import Agenda, StartUp
 from plant_server.session.attendance import Attendance
 from plant_server.session.config import PlantConfig
+from plant_server.session.record import COMPLETE, FELL, Outcome, TickRecord
 from plant_server.session.roster import Roster
 from plant_server.session.telemetry import Failure, Telemetry
 from protocol.robot.events import (
@@ -77,7 +77,9 @@ class Plant:
             seed=config.seed,
             tick_s=config.tick_s,
         )
-        self.actuators = Actuators(config)
+        self.actuators = Actuators(
+            config.torque_limits_nm, config.motor_sheets, config.foot, tick_s=config.tick_s
+        )
         self.tick = -config.warm_up_ticks
         self.roster = Roster(self.size, config.standing_links, config.references_rad)
         self.agenda = Agenda(list(config.events))

@@ -8,8 +8,8 @@ Rule 2: each board tells of each tick once, in order, so what is kept is bounded
 from collections import Counter
 from collections.abc import Iterable
 
-from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.session.enrolment import Enrolment
+from plant_server.session.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import undisturbed
 from protocol.wire.frames import NO_TICK, ProtocolError, Reason, Report, receive

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Self
 
 import msgpack
 
-from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.chunks import ChunkWriter, read_chunks
 from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from deploy.cli import main
 from deploy.recording.reading import read_recording
-from plant_server.record import Outcome
+from plant_server.session.record import Outcome
 from plant_server.spool.spool import SpoolWriter
 from tests.bench.registry import Contender, Figures, Group, Settings
 

@@ -13,7 +13,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from plant_server.record import COMPLETE
+from plant_server.session.record import COMPLETE
 from tests.bench.realtime import RATES_HZ, played, worst
 
 HEADER = (

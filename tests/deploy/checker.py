@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import copysign, fabs, isfinite
 
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from plant_server.spool.spool import Spool
 from protocol.robot.events import Admission, Departure, MidwayDeparture
 from protocol.robot.scenario import ElectionSettings

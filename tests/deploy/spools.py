@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from deploy.launch.twin import run_twin
 from deploy.scenario_file.load import load
-from plant_server.record import TickRecord, Walls
+from plant_server.session.record import TickRecord, Walls
 from plant_server.spool.spool import Spool
 from protocol.robot.scenario import LinkFaults, Scenario
 from protocol.wire.timing import TickTiming, Timing

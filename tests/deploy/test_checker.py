@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from protocol.robot.events import Departure
 from protocol.wire.frames import TorqueFrame, decode, encode
 from tests.deploy.checker import BrokenRecordingError, check

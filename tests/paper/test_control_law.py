@@ -293,7 +293,7 @@ def said(scenario: Scenario, shaken: int | None) -> Iterator[list[tuple[bytes, .
                     joint_rad=true.joint_rad + 1e-6, imu_rad=true.imu_rad + 2e-6
                 )
                 observation = observation._replace(readings=shaken_now)
-            said_now.append(twin.live(board, board.read(encode(observation))).links)
+            said_now.append(twin.answer(board, board.read(encode(observation))).links)
         for sender, links in enumerate(said_now):
             for receiver, link in zip(boards[sender].config.neighbours, links, strict=True):
                 # Only to a neighbour, and on the wire that joins the two.

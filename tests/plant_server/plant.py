@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from plant_server.record import TickRecord
 from plant_server.session.config import PlantConfig
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.plant import Plant
+from plant_server.session.record import TickRecord
 from protocol.robot.events import Command, LinkParameters, values_of
 from protocol.robot.hardware import Link, Unattended
 from protocol.robot.sensors import EXACT, sensors_of

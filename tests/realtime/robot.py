@@ -15,11 +15,11 @@ from module_agent.assembly import assemble_on_own_time
 from module_agent.firmware.board import AnsweredError
 from module_agent.firmware.config import board_config
 from module_agent.firmware.own_time.cycle import Cycle
-from plant_server.record import Outcome, TickRecord, Walls
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.session.plant import Plant
+from plant_server.session.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario, run_id

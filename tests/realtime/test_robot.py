@@ -15,7 +15,7 @@ from deploy.launch.twin import run_twin
 from deploy.outcome.indices import elections
 from deploy.outcome.realtime_summary import realtime_summary
 from deploy.outcome.realtime_table import verdict
-from deploy.recording.realtime_replay import Replayed, replay
+from deploy.recording.realtime_replay import RealtimeReplay, replay
 from deploy.recording.realtime_times import realtime_times, turns
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
@@ -180,7 +180,7 @@ def test_a_replay_notices_what_is_not_as_it_was() -> None:
 
 
 def _differences(spool: Spool) -> tuple[str, ...]:
-    found: Replayed = replay(spool)
+    found: RealtimeReplay = replay(spool)
     return found.differences
 
 

@@ -8,7 +8,7 @@ from math import fabs
 from typing import NamedTuple
 
 from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from protocol.robot.states import State
 from protocol.wire.frames import TorqueFrame, decode
 from tests.sim.broken import BrokenLawError

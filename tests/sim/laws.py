@@ -9,7 +9,7 @@ from math import copysign, fabs, isfinite
 from module_agent.firmware.board import Board
 from module_agent.firmware.body_view import FORGET_EVERY_TICKS
 from module_agent.firmware.hearing import EARLY_FRAMES_MAX, Hearing, LinkEnd
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from protocol.robot.events import DELAY_TICKS_MAX, PERFECT
 from protocol.robot.hardware import IDEAL
 from protocol.robot.states import State

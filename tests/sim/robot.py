@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from deploy.launch.twin import Twin
 from module_agent.firmware.board import Board, ReplacedError
-from plant_server.record import TickRecord
+from plant_server.session.record import TickRecord
 from protocol.robot import sensors
 from protocol.robot.events import LinkRepair, Plug, SensorFault
 from protocol.wire.frames import ProtocolError
@@ -145,7 +145,7 @@ class Robot:
             sender = firmware.config.neighbours[link]
             detail = f"{board} waits for the frame of {sender}, {observation.neighbours[link]}"
             raise BrokenLawError("S6 nobody waits for a frame that cannot come", detail)
-        actuation = self.twin.live(firmware, observation)
+        actuation = self.twin.answer(firmware, observation)
         self.answered[board], self.ticked[board] = actuation.torque, firmware
         if self.noise.happens():
             self.twin.lockstep.answer(board, actuation.torque)
@@ -174,7 +174,7 @@ class Robot:
                 continue
             firmware = frozen.firmware
             board = firmware.config.index
-            actuation = self.twin.live(firmware, firmware.read(frozen.observation))
+            actuation = self.twin.answer(firmware, firmware.read(frozen.observation))
             self._say(firmware, actuation.links, deaf=self.noise.quiet)
             try:
                 firmware.read(frozen.farewell)

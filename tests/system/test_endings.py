@@ -14,7 +14,7 @@ import pytest
 from deploy.launch import rigs
 from deploy.outcome.results import read_run
 from deploy.recording.trajectory import CUT_OFF
-from plant_server.record import STOPPED
+from plant_server.session.record import STOPPED
 from plant_server.spool.spool import read_spool
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.scenario import next_run_id, run_id

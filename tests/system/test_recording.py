@@ -11,7 +11,7 @@ import pytest
 from deploy.launch.twin import run_twin
 from deploy.outcome.results import read_run
 from deploy.scenario_file.load import load
-from plant_server.record import STOPPED, Outcome, TickRecord
+from plant_server.session.record import STOPPED, Outcome, TickRecord
 from plant_server.spool.spool import Spool, read_spool
 from protocol.process.exit_codes import ExitCode
 from protocol.process.fingerprint import fingerprint

@@ -21,7 +21,7 @@ from deploy.recording.mcap.file import read_mcap
 from deploy.recording.reading import read_recording
 from deploy.recording.spools import read_spool_of
 from deploy.recording.trajectory import CUT_OFF
-from plant_server.record import COMPLETE, STOPPED
+from plant_server.session.record import COMPLETE, STOPPED
 from plant_server.spool.spool import read_spool
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.events import (

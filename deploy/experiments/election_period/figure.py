@@ -19,7 +19,7 @@ from deploy.experiments.election_period.run import Result
 from deploy.outcome.drawing import INK, PALE, series_look
 from deploy.outcome.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 from deploy.outcome.summary import Summary
-from plant_server.record import FELL
+from plant_server.session.record import FELL
 
 HEIGHT_IN = 4.0
 ENDINGS = ("svg", "png")

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 
 from deploy.experiments.election_period.run import Result
-from plant_server.record import FELL
+from plant_server.session.record import FELL
 
 WITHOUT = "none"
 """In place of T_e: no elections."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from deploy.recording.epochs import Epochs
 from deploy.recording.fates import FrameOutcome
-from plant_server.record import Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import Outcome, TickRecord, Undriven, Walls
 from plant_server.spool.spool import recorded_scenario
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.events import EVENTS, Event, event_of, values_of

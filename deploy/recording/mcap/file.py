@@ -33,7 +33,7 @@ from deploy.recording.mcap.contents import (
 from deploy.recording.mcap.messages import NS_MAX, RecordingMessages
 from deploy.recording.mcap.schema import Kind
 from deploy.recording.trajectory import Trajectory
-from plant_server.record import Outcome, TickRecord, Walls
+from plant_server.session.record import Outcome, TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import Event
 from protocol.robot.scenario import Scenario

@@ -25,7 +25,7 @@ from deploy.recording.reconstruction import (
 )
 from deploy.recording.replay import UnplayableError
 from deploy.recording.trajectory import Trajectory
-from plant_server.record import TickRecord, Walls
+from plant_server.session.record import TickRecord, Walls
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
 from protocol.wire.frames import REPORTS

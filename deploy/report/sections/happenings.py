@@ -22,7 +22,7 @@ from deploy.report.words import (
     pairs_of,
     sides_in_words,
 )
-from plant_server.record import COMPLETE
+from plant_server.session.record import COMPLETE
 from protocol.robot.events import (
     PERFECT,
     Admission,

@@ -10,7 +10,7 @@ from deploy.launch.twin import Twin, run_twin
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
 from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX
-from plant_server.record import COMPLETE, FELL
+from plant_server.session.record import COMPLETE, FELL
 from protocol.robot.events import Tipping
 from protocol.robot.states import State
 

@@ -11,8 +11,8 @@ from deploy.launch.twin import Twin, run_twin
 from deploy.outcome.summary import summary
 from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import available, load
-from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, fall_line
 from plant_server.session.control import ONE_WAY_AFTER_TICKS
+from plant_server.session.record import COMPLETE, FELL, Outcome, TickRecord, fall_line
 from protocol.robot.events import Admission, Departure, Plug, Sides, Unplug, tag_of
 from protocol.robot.scenario import Scenario, ScenarioError
 from protocol.robot.states import State

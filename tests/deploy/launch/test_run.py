@@ -11,7 +11,7 @@ from deploy.launch.folders import new_folder
 from deploy.launch.processes import SPOOL, RunFailedError, Watch
 from deploy.launch.run import run
 from deploy.scenario_file.load import load
-from plant_server.record import COMPLETE, STOPPED
+from plant_server.session.record import COMPLETE, STOPPED
 from plant_server.spool.spool import Spool, read_spool
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, stop_on_signals

@@ -7,7 +7,7 @@ import pytest
 
 from deploy.launch.twin import Twin, run_twin
 from deploy.scenario_file.load import load
-from plant_server.record import FELL, TickRecord
+from plant_server.session.record import FELL, TickRecord
 from protocol.robot.scenario import Scenario
 
 pytestmark = pytest.mark.sampling

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from deploy.recording.differences import NOTHING, REFUSED, Difference, first_difference
-from plant_server.record import FELL, Outcome, TickRecord
+from plant_server.session.record import FELL, Outcome, TickRecord
 from plant_server.spool.spool import Spool
 from protocol.robot.events import (
     Admission,

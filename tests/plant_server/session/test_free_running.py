@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from deploy.scenario_file.load import load
-from plant_server.record import TickRecord
 from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.plant import Plant
+from plant_server.session.record import TickRecord
 from protocol.robot.events import (
     Departure,
     EnergyLoss,
@@ -197,13 +197,13 @@ def test_what_boards_tell_of_their_time_is_counted() -> None:
     writer.add(Lived(4, 10, 7000, 200, 0, 0, 3, Mark.LATE, (Taken(0, 0),)))
     frame = writer.flush()
     assert frame is not None
-    assert running.lived(0, frame)
+    assert running.take_trace(0, frame)
     tally = running.tallies[0]
     assert (tally.periods, tally.missed, tally.late_us_max) == (5, 4, 7000)
-    assert not running.lived(0, frame[:-1])
+    assert not running.take_trace(0, frame[:-1])
     other = TraceWriter(run_id=RUN + 1, incarnation=1, links=1)
     other.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
-    assert not running.lived(0, other.flush() or b"")
+    assert not running.take_trace(0, other.flush() or b"")
     assert set(running.plant.refused) == {Reason.CORRUPT, Reason.RUN}
 
 

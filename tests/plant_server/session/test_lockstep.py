@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_server.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
+from plant_server.session.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
 from protocol.robot.events import Command, LinkChange, Push
 from protocol.robot.hardware import IDEAL, MotorSheet
 from protocol.robot.states import State

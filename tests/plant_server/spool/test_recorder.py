@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from deploy.scenario_file.load import load
-from plant_server.record import COMPLETE, Outcome, TickRecord, Walls
 from plant_server.session.enrolment import Enrolment
+from plant_server.session.record import COMPLETE, Outcome, TickRecord, Walls
 from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import Spool, SpoolWriter, read_spool
 from protocol.robot.scenario import run_id

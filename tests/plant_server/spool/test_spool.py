@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from deploy.scenario_file.load import load
-from plant_server.record import COMPLETE, FELL, Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import COMPLETE, FELL, Outcome, TickRecord, Undriven, Walls
 from plant_server.spool import chunks, spool
 from plant_server.spool.spool import SpoolWriter, read_spool
 from protocol.robot.events import Departure, Event, Push, Sides

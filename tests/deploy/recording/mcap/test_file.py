@@ -19,7 +19,7 @@ from deploy.recording.mcap.contents import METADATA, NoRecordingError
 from deploy.recording.mcap.file import read_mcap, write_mcap
 from deploy.recording.mcap.messages import channels
 from deploy.recording.trajectory import recorded_trajectory
-from plant_server.record import FELL, Undriven
+from plant_server.session.record import FELL, Undriven
 from plant_server.spool.spool import Spool
 from protocol.robot.events import EnergyLoss, MidwayDeparture
 from protocol.robot.sensors import Readings
