@@ -196,7 +196,10 @@ def test_what_fits_in_another_way_is_taken(folder: Path) -> None:
     text = "class Law:\n    def __init__(self, *things): pass\n"
     text += "    def torque_nm(self, seen, gain=2.0): return 0.0\nclass Mine(Law): pass\n"
     (folder / "my_servo.py").write_text(text, encoding="utf-8")
-    load(str(folder / "mine.toml"), [f"controller={MINE}"])
+    scenario = load(str(folder / "mine.toml"), [f"controller={MINE}"])
+    assert {str(board.controller and board.controller.reference) for board in scenario.boards} == {
+        MINE
+    }
 
 
 def test_a_joint_that_the_body_has_not_is_a_mistake(folder: Path) -> None:

@@ -66,4 +66,4 @@ def test_all_complaints_come_at_once() -> None:
 
 
 def test_in_lockstep_rates_are_not_looked_at() -> None:
-    load("paper", ["realtime.rate_hz=300"])
+    assert load("paper", ["realtime.rate_hz=300"]) == load("paper")
