@@ -8,7 +8,7 @@ from protocol.process.exit_codes import ExitCode, refused
 from protocol.process.resolving import load
 from protocol.process.stopping import StoppedError, stop_at_end_of_input, stop_on_signals
 from protocol.robot.scenario import ScenarioError
-from protocol.wire.enrolment import Verdict
+from protocol.wire.enrolment import EnrolmentVerdict
 
 
 def main() -> int:
@@ -23,7 +23,7 @@ def main() -> int:
         if joint not in scenario.joints:
             known = ", ".join(scenario.joints)
             print(f"{joint}: unknown joint; the body has {known}", file=sys.stderr)
-            return refused(Verdict.UNKNOWN_JOINT)
+            return refused(EnrolmentVerdict.UNKNOWN_JOINT)
 
         return serve(joint, scenario)
     except ScenarioError as error:

@@ -4,7 +4,7 @@ Here it is decided which class serves a part: our controllers or somebody else's
 hearing that waits for each tick's frame or one that takes the newest. The board never asks.
 """
 
-from module_agent.custom.sandbox import WalledController, WalledRule
+from module_agent.custom.sandbox import SandboxedController, SandboxedRule
 from module_agent.firmware.board import Board, Parts
 from module_agent.firmware.body_view import BodyView
 from module_agent.firmware.config import BoardConfig
@@ -45,12 +45,12 @@ def assemble_on_own_time(config: BoardConfig, *, run_id: int, incarnation: int) 
 
 def controller_of(config: BoardConfig) -> Controller:
     """The servo of a board: ours, or the one that its scenario names."""
-    return WalledController(config.controller, config) if config.controller else servo(config)
+    return SandboxedController(config.controller, config) if config.controller else servo(config)
 
 
 def rule_of(config: BoardConfig) -> ElectionRule:
     """The rule of a board's election: ours, or the one that its scenario names."""
-    return WalledRule(config.rule, config) if config.rule else MaxConsensus(config)
+    return SandboxedRule(config.rule, config) if config.rule else MaxConsensus(config)
 
 
 def _link_models(config: BoardConfig) -> list[LinkModel]:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import zenoh
 
-from plant_server.process.network import Network
-from plant_server.process.runtime import Options, assemble
+from plant_server.process.network import PlantNetwork
+from plant_server.process.runtime import PlantOptions, assemble
 from plant_server.session.record import COMPLETE, FELL, STOPPED, Outcome, fall_line
 from plant_server.spool.facts import facts
 from plant_server.spool.spool import SpoolWriter
@@ -36,7 +36,7 @@ def main() -> int:
             stop_at_end_of_input()
         scenario = load(arguments.scenario, arguments.set)
 
-        options = Options(
+        options = PlantOptions(
             spool=arguments.spool,
             progress=arguments.progress,
             patience_s=arguments.patience,
@@ -51,7 +51,7 @@ def main() -> int:
         return ExitCode.STOPPED
 
 
-def serve(scenario: Scenario, options: Options) -> int:
+def serve(scenario: Scenario, options: PlantOptions) -> int:
     """Run the plant over Zenoh; return the exit code.
 
     Raises `stopping.StoppedError` when it is told to stop before the run has begun.
@@ -67,7 +67,7 @@ def serve(scenario: Scenario, options: Options) -> int:
     with session:
         try:
             with restarted_when_stuck():
-                network = Network(
+                network = PlantNetwork(
                     session,
                     rig,
                     scenario.joints,
@@ -84,7 +84,9 @@ def serve(scenario: Scenario, options: Options) -> int:
     return _report(outcome, scenario, options)
 
 
-def _recording(scenario: Scenario, options: Options) -> AbstractContextManager[SpoolWriter | None]:
+def _recording(
+    scenario: Scenario, options: PlantOptions
+) -> AbstractContextManager[SpoolWriter | None]:
     if options.spool is None:
         return nullcontext()
     return SpoolWriter(options.spool, scenario, facts("processes"), _tell)
@@ -94,7 +96,7 @@ def _tell(line: str) -> None:
     print(f"plant: {line}", file=sys.stderr, flush=True)
 
 
-def _report(outcome: Outcome, scenario: Scenario, options: Options) -> int:
+def _report(outcome: Outcome, scenario: Scenario, options: PlantOptions) -> int:
     if outcome.ending == COMPLETE:
         if not options.progress:
             rate = outcome.tick / outcome.wall_s

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -154,6 +155,48 @@ def test_functions_stay_readable_at_a_glance() -> None:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
     assert {name: count for name, count in lines.items() if count > FUNCTION_LINES_MAX} == {}
+
+
+def _room(module: str) -> str:
+    """`deploy.report` for all in that folder or below it; a file beside the folders is its own.
+
+    What `python -m` runs is above the folder that it lies in.
+    """
+    parts = module.split(".")
+    depth = parts.index("__main__") + 1 if "__main__" in parts else 2
+    return ".".join(parts[:depth])
+
+
+def _arrows() -> dict[str, set[str]]:
+    """Which room names which others."""
+    arrows: dict[str, set[str]] = {}
+    for path in _files(*PRODUCT):
+        room = _room(".".join(path.relative_to(ROOT).with_suffix("").parts))
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if not isinstance(node, ast.ImportFrom) or node.module is None:
+                continue
+            if node.module.partition(".")[0] not in PRODUCT:
+                continue
+            named = {_room(f"{node.module}.{alias.name}") for alias in node.names}
+            arrows.setdefault(room, set()).update(named - {room})
+    return arrows
+
+
+def test_no_room_is_above_and_below_another() -> None:
+    """Folders are floors: whoever names a room is named by nothing in it, nor by what it names."""
+    order = TopologicalSorter(_arrows())
+    order.prepare()  # Raises CycleError, which says what the circle is.
+    assert order.is_active()
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    """Who reads `Link` somewhere knows which one it is."""
+    homes: dict[str, list[str]] = {}
+    for path in _files(*PRODUCT):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.ClassDef):
+                homes.setdefault(node.name, []).append(_name(path))
+    assert {name: where for name, where in homes.items() if len(where) > 1} == {}
 
 
 def _top_level_folders() -> Iterator[str]:

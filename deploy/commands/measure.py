@@ -17,7 +17,7 @@ from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError
 
 if TYPE_CHECKING:
-    from deploy.experiments.consensus.network import Case, Played
+    from deploy.experiments.consensus.network import BatchResult, ConsensusCase
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -134,7 +134,7 @@ def _numbers(text: str, read: Callable[[str], Value], option: str, example: str)
         raise typer.BadParameter(line, param_hint=option) from error
 
 
-def _that_fit(cases: "Sequence[Case]") -> "list[Case]":
+def _that_fit(cases: "Sequence[ConsensusCase]") -> "list[ConsensusCase]":
     """Leave out, and say so, what this machine cannot run as processes."""
     from deploy.experiments.consensus import processes as measure_processes  # noqa: PLC0415 - as above
 
@@ -151,7 +151,7 @@ def _that_fit(cases: "Sequence[Case]") -> "list[Case]":
     return [case for case in cases if case.boards <= most]
 
 
-def _in_twin(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
+def _in_twin(cases: "Sequence[ConsensusCase]") -> "tuple[list[BatchResult], bool]":
     from deploy.experiments.consensus import network  # noqa: PLC0415 - as above
 
     pieces = network.pieces(cases)
@@ -163,11 +163,11 @@ def _in_twin(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
         )
 
 
-def _in_processes(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
+def _in_processes(cases: "Sequence[ConsensusCase]") -> "tuple[list[BatchResult], bool]":
     from deploy.experiments.consensus import processes as measure_processes  # noqa: PLC0415 - as above
-    from deploy.experiments.consensus.network import Played  # noqa: PLC0415 - as above
+    from deploy.experiments.consensus.network import BatchResult  # noqa: PLC0415 - as above
 
-    played = [Played(case, []) for case in cases]
+    played = [BatchResult(case, []) for case in cases]
     costs = {case: case.boards * case.period_ticks for case in cases}
     with progress("consensus", sum(costs[case] * case.epochs for case in cases)) as advance:
         try:
@@ -182,8 +182,8 @@ def _in_processes(cases: "Sequence[Case]") -> "tuple[list[Played], bool]":
 
 
 def _tell_consensus(
-    cases: "Sequence[Case]",
-    played: "Sequence[Played]",
+    cases: "Sequence[ConsensusCase]",
+    played: "Sequence[BatchResult]",
     folder: Path,
     *,
     complete: bool,

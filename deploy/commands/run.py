@@ -20,14 +20,14 @@ from deploy.commands.terminal import (
 )
 from deploy.failure import FailedError
 from deploy.launch.folders import new_folder
-from deploy.launch.processes import SPOOL, RunFailedError, Watch
+from deploy.launch.processes import SPOOL, LaunchWatch, RunFailedError
 from protocol.process.durations import PACE_MAX, PACE_MIN, duration_s
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import StoppedError, stop_on_signals
 from protocol.robot.scenario import Scenario
 
 if TYPE_CHECKING:
-    from deploy.outcome.results import Concluded
+    from deploy.outcome.results import FinishedRun
 
 RECOVER = "decmesh recover {} makes run.mcap of what was recorded, also in another --out"
 
@@ -149,7 +149,7 @@ class _Ran(NamedTuple):
     """A run that is over, and what was made of it."""
 
     code: int
-    concluded: "Concluded"
+    concluded: "FinishedRun"
     files: list[Path]
 
 
@@ -175,7 +175,7 @@ def _run(
     from deploy.launch.run import run as run_scenario  # noqa: PLC0415 - plant and boards, needed only now
 
     with ticks_shown(label, scenario) as on_tick:
-        watch = Watch(on_tick, say)
+        watch = LaunchWatch(on_tick, say)
         try:
             code = run_scenario(
                 scenario, folder, twin=twin, watch=watch, plant_options=plant_options
@@ -200,12 +200,12 @@ def _run(
     return _Ran(code, concluded, files)
 
 
-def _conclude(folder: Path, *, twin: bool) -> "tuple[Concluded | None, list[Path]]":
+def _conclude(folder: Path, *, twin: bool) -> "tuple[FinishedRun | None, list[Path]]":
     """Sum up a run, and write its files. That one cannot be written is worth a line, and no more.
 
     None: there is nothing to sum up.
     """
-    concluded: Concluded | None = None
+    concluded: FinishedRun | None = None
     files: list[Path] = []
     try:
         from deploy.outcome import results  # noqa: PLC0415 - numpy and matplotlib, needed only now

@@ -34,7 +34,7 @@ STANDING_FROM_S = 2.0
 CSV = "loss.csv"
 
 
-class Case(NamedTuple):
+class LossCase(NamedTuple):
     """One run of the loss study."""
 
     loss: float
@@ -53,7 +53,7 @@ class Case(NamedTuple):
         ]
 
 
-class Result(NamedTuple):
+class LossResult(NamedTuple):
     """What came out of a case: a row of the CSV file."""
 
     loss: float
@@ -107,21 +107,21 @@ def grid(
     duration_s: float,
     losses: Sequence[float] = LOSSES,
     rounds: Sequence[int] = ROUNDS,
-) -> list[Case]:
+) -> list[LossCase]:
     """Every case of the loss study. Raises `ScenarioError` if the scenario cannot be so."""
     cases = product(range(1, seeds + 1), losses, rounds)
-    found = [Case(loss, r, seed, duration_s) for seed, loss, r in cases]
+    found = [LossCase(loss, r, seed, duration_s) for seed, loss, r in cases]
     load(SCENARIO, found[0].settings)
     return found
 
 
-def measure(case: Case) -> Result:
+def measure(case: LossCase) -> LossResult:
     """Run one case in the twin."""
     run = _run(case)
     held = elections(run)
     assert held is not None, "the scenario elects"
     top = all_indices(run)[_TOP]
-    return Result(
+    return LossResult(
         case.loss,
         case.rounds,
         case.seed,
@@ -140,15 +140,15 @@ def measure(case: Case) -> Result:
     )
 
 
-def write_csv(results: Iterable[Result], path: Path) -> None:
+def write_csv(results: Iterable[LossResult], path: Path) -> None:
     """Write one row per run. Raises OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(Result._fields)
+        writer.writerow(LossResult._fields)
         writer.writerows(_in_order(results))
 
 
-def means(results: Iterable[Result]) -> Iterator[Mean]:
+def means(results: Iterable[LossResult]) -> Iterator[Mean]:
     """Sum up the seeds of each loss and R, in the order of the grid."""
     for (loss, rounds), group in groupby(
         _in_order(results), key=lambda run: (run.loss, run.rounds)
@@ -178,17 +178,17 @@ def means(results: Iterable[Result]) -> Iterator[Mean]:
 _TOP = "TS"
 
 
-def _run(case: Case) -> Trajectory:
+def _run(case: LossCase) -> Trajectory:
     scenario = load(SCENARIO, case.settings)
     return trajectory(scenario, *run_twin(scenario))
 
 
 @cache
-def _without_loss_rad(case: Case) -> Floats:
+def _without_loss_rad(case: LossCase) -> Floats:
     return samples(_run(case)).orientations_rad
 
 
-def _apart_rad(run: Trajectory, case: Case) -> Floats:
+def _apart_rad(run: Trajectory, case: LossCase) -> Floats:
     """How far the link that is farthest is from its place in the run without loss, per sample."""
     # Without loss nothing is drawn, so any seed will do.
     there_rad = _without_loss_rad(case._replace(loss=0.0, seed=1))
@@ -219,5 +219,5 @@ def _spread(values: Sequence[float]) -> tuple[float, float, float] | None:
     return (sum(values) / len(values), min(values), max(values)) if values else None
 
 
-def _in_order(results: Iterable[Result]) -> list[Result]:
+def _in_order(results: Iterable[LossResult]) -> list[LossResult]:
     return sorted(results, key=lambda result: (result.loss, result.rounds, result.seed))

@@ -33,7 +33,7 @@ class RunFailedError(FailedError):
     """A run that did not end by itself."""
 
 
-class Watch(NamedTuple):
+class LaunchWatch(NamedTuple):
     """Who follows a run while it goes on."""
 
     on_tick: Callable[[int], None]
@@ -52,7 +52,7 @@ class Processes:
         self,
         scenario: Scenario,
         folder: Path,
-        watch: Watch,
+        watch: LaunchWatch,
         plant_options: Sequence[str] = (),
     ) -> None:
         self.scenario = scenario

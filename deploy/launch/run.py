@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
-from deploy.launch.processes import SPOOL, Processes, RunFailedError, Watch
+from deploy.launch.processes import SPOOL, LaunchWatch, Processes, RunFailedError
 from deploy.launch.rigs import NoPortsError, claim
 from deploy.launch.twin import Twin
 from plant_server.session.record import STOPPED, fall_line
@@ -25,7 +25,7 @@ def run(
     folder: Path,
     *,
     twin: bool,
-    watch: Watch,
+    watch: LaunchWatch,
     plant_options: Sequence[str] = (),
 ) -> int:
     """Run a scenario and leave its spool in `folder`; return the exit code of the run.
@@ -44,7 +44,7 @@ def run(
         raise RunFailedError(ExitCode.NO_NETWORK, str(error)) from error
 
 
-def _run_twin(scenario: Scenario, folder: Path, watch: Watch) -> int:
+def _run_twin(scenario: Scenario, folder: Path, watch: LaunchWatch) -> int:
     twin = Twin(scenario)
     started = time.monotonic()
     stopped = None

@@ -4,7 +4,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from deploy.recording.realtime_times import BoardTimes, RealtimeTimes
+from deploy.recording.realtime_times import OwnTimeBoardTimes, RealtimeTimes
 from deploy.recording.trajectory import Floats
 
 Spread = dict[str, float | None]
@@ -99,7 +99,7 @@ def realtime_summary(times: RealtimeTimes, joints: list[str]) -> RealtimeKeys:
     }
 
 
-def _deadlines(board: BoardTimes) -> DeadlineKeys:
+def _deadlines(board: OwnTimeBoardTimes) -> DeadlineKeys:
     late, skipped = int(board.late.sum()), int(board.skipped.sum())
     return {
         "rate_hz": board.rate_hz,
@@ -115,7 +115,7 @@ def _deadlines(board: BoardTimes) -> DeadlineKeys:
     }
 
 
-def _elections(board: BoardTimes, epochs: int | None) -> ElectionKeys:
+def _elections(board: OwnTimeBoardTimes, epochs: int | None) -> ElectionKeys:
     decided_ms = board.decision_ms[np.isfinite(board.decision_ms)]
     return {
         "epochs_decided": None if epochs is None else len(decided_ms),

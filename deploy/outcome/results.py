@@ -27,7 +27,7 @@ from deploy.recording.trajectory import Trajectory, recorded_trajectory
 from plant_server.spool.spool import Spool, read_spool
 
 
-class Concluded(NamedTuple):
+class FinishedRun(NamedTuple):
     """A run that is over, as far as it was recorded."""
 
     spool: Spool
@@ -43,7 +43,7 @@ def read_run(folder: Path) -> Trajectory | None:
     return recorded_trajectory(spool)
 
 
-def conclude(folder: Path, mode: Mode) -> Concluded | None:
+def conclude(folder: Path, mode: Mode) -> FinishedRun | None:
     """Sum up what was recorded of a run; None if there is nothing to sum up."""
     try:
         spool = read_spool(folder / SPOOL)
@@ -53,10 +53,10 @@ def conclude(folder: Path, mode: Mode) -> Concluded | None:
     if run is None or not run.ticks:
         return None
     digest, times = logical_sha256(spool), realtime_times(spool)
-    return Concluded(spool, run, summary(run, mode=mode, logical_sha256=digest, realtime=times))
+    return FinishedRun(spool, run, summary(run, mode=mode, logical_sha256=digest, realtime=times))
 
 
-def write(concluded: Concluded, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
+def write(concluded: FinishedRun, folder: Path, on_tick: Callable[[int], None]) -> Iterator[Path]:
     """Write `summary.json`, then `run.mcap`; give each when it is there.
 
     Raises OSError, or `UnreadableError` when what boards have said cannot have come from boards.

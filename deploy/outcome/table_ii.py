@@ -28,24 +28,24 @@ MET = "✓"
 MISSING = "—"
 
 
-class Published(NamedTuple):
+class PublishedIndex(NamedTuple):
     """What Table II prints for one index."""
 
     original: float
     distributed: float
 
 
-PAPER: dict[tuple[str, str], Published] = {
-    ("TS", "overshoot_deg"): Published(2.5118, 2.1166),
-    ("TS", "rise_s"): Published(0.80, 0.84),
-    ("TS", "settling_paper_s"): Published(9.99, 9.99),
-    ("KNEE", "overshoot_deg"): Published(3.4765, 0.0),
-    ("KNEE", "rise_s"): Published(0.07, 0.31),
-    ("KNEE", "settling_paper_s"): Published(9.99, 9.99),
-    ("BS", "overshoot_deg"): Published(0.0961, 0.3075),
-    ("BS", "rise_s"): Published(0.81, 0.86),
-    ("BS", "settling_paper_s"): Published(9.99, 9.99),
-    ("", "positive"): Published(196.72, 68.25),
+PAPER: dict[tuple[str, str], PublishedIndex] = {
+    ("TS", "overshoot_deg"): PublishedIndex(2.5118, 2.1166),
+    ("TS", "rise_s"): PublishedIndex(0.80, 0.84),
+    ("TS", "settling_paper_s"): PublishedIndex(9.99, 9.99),
+    ("KNEE", "overshoot_deg"): PublishedIndex(3.4765, 0.0),
+    ("KNEE", "rise_s"): PublishedIndex(0.07, 0.31),
+    ("KNEE", "settling_paper_s"): PublishedIndex(9.99, 9.99),
+    ("BS", "overshoot_deg"): PublishedIndex(0.0961, 0.3075),
+    ("BS", "rise_s"): PublishedIndex(0.81, 0.86),
+    ("BS", "settling_paper_s"): PublishedIndex(9.99, 9.99),
+    ("", "positive"): PublishedIndex(196.72, 68.25),
 }
 """Lippi, Molinari, Seel: "Distributed Bio-inspired Humanoid Posture Control", Table II.
 
@@ -54,7 +54,7 @@ positive one.
 """
 
 
-class Row(NamedTuple):
+class IndexRow(NamedTuple):
     """One index: its key in a summary, what the table calls it, and how it is written."""
 
     key: str
@@ -65,16 +65,16 @@ class Row(NamedTuple):
 
 
 ROWS = (
-    Row("overshoot_deg", "overshoot", "°", 4),
-    Row("rise_s", "rise time", " s", 2),
-    Row("rise_90_s", "rise time, 90 %", " s", 2),
-    Row("settling_paper_s", "settling time", " s", 2),
-    Row("settling_band_s", "settling in 2 %", " s", 2),
+    IndexRow("overshoot_deg", "overshoot", "°", 4),
+    IndexRow("rise_s", "rise time", " s", 2),
+    IndexRow("rise_90_s", "rise time, 90 %", " s", 2),
+    IndexRow("settling_paper_s", "settling time", " s", 2),
+    IndexRow("settling_band_s", "settling in 2 %", " s", 2),
 )
 ENERGY_ROWS = (
-    Row("positive", "energy, positive", " J", 2),
-    Row("absolute", "energy, absolute", " J", 2),
-    Row("net", "energy, |net|", " J", 2),
+    IndexRow("positive", "energy, positive", " J", 2),
+    IndexRow("absolute", "energy, absolute", " J", 2),
+    IndexRow("net", "energy, |net|", " J", 2),
 )
 
 EXPLANATIONS = {
@@ -92,14 +92,14 @@ EXPLANATIONS = {
 ELSEWHERE = "Off, but this is not the whole of the paper's experiment."
 
 
-class Run(NamedTuple):
+class ColumnRun(NamedTuple):
     """A summary and which of the paper's two columns it belongs to."""
 
     column: int
     summary: Summary
 
 
-class Note(NamedTuple):
+class Footnote(NamedTuple):
     """A footnote: its mark and what it says."""
 
     mark: str
@@ -128,30 +128,30 @@ def performance_table(original: Summary | None, distributed: Summary | None) -> 
     return table
 
 
-def notes(original: Summary | None, distributed: Summary | None) -> list[Note]:
+def notes(original: Summary | None, distributed: Summary | None) -> list[Footnote]:
     """What the marks in the table mean: the tick, a letter for each reason, the dash."""
     return notes_on(_runs(original, distributed))
 
 
-def notes_on(runs: Sequence[Run]) -> list[Note]:
+def notes_on(runs: Sequence[ColumnRun]) -> list[Footnote]:
     """The same for any runs."""
-    found = [Note(MISSING, "Never reached; settling: still outside when the run ended.")]
+    found = [Footnote(MISSING, "Never reached; settling: still outside when the run ended.")]
     if any(_is_papers(run) for run in runs):
-        found.append(Note(MET, "Within 10 % or 0.05 s of the paper."))
+        found.append(Footnote(MET, "Within 10 % or 0.05 s of the paper."))
     reasons = {
         letter: EXPLANATIONS[key] if _all_papers(runs) else ELSEWHERE
         for key, letter in letters_of(runs).items()
     }
-    return [*found, *(Note(letter, reason) for letter, reason in reasons.items())]
+    return [*found, *(Footnote(letter, reason) for letter, reason in reasons.items())]
 
 
-def outcome_lines(original: Summary | None, distributed: Summary | None) -> list[Note]:
+def outcome_lines(original: Summary | None, distributed: Summary | None) -> list[Footnote]:
     """How each run went, and what its elections came to."""
     lines = []
     for run in _runs(original, distributed):
-        lines.append(Note(_TITLES[run.column], _speed(run.summary)))
+        lines.append(Footnote(_TITLES[run.column], _speed(run.summary)))
         if run.summary["consensus"] is not None:
-            lines.append(Note("Consensus", _consensus(run.summary["consensus"])))
+            lines.append(Footnote("Consensus", _consensus(run.summary["consensus"])))
     return lines
 
 
@@ -184,21 +184,21 @@ def meets(key: str, ours: float | None, paper: float) -> bool:
 _TITLES = ("Original", "Distributed")
 
 
-def _runs(original: Summary | None, distributed: Summary | None) -> list[Run]:
+def _runs(original: Summary | None, distributed: Summary | None) -> list[ColumnRun]:
     return [
-        Run(column, summary)
+        ColumnRun(column, summary)
         for column, summary in enumerate((original, distributed))
         if summary is not None
     ]
 
 
-def _is_papers(run: Run) -> bool:
+def _is_papers(run: ColumnRun) -> bool:
     """Whether this is the paper's scenario, perhaps with other values."""
     same = run.summary["scenario"] == PAPER_SCENARIO
     return same and {name for name, _ in PAPER if name} <= set(run.summary["indices"])
 
 
-def _all_papers(runs: Sequence[Run]) -> bool:
+def _all_papers(runs: Sequence[ColumnRun]) -> bool:
     """Whether these are the paper's experiment, the whole of it."""
     return all(
         run.summary["scenario"] == PAPER_SCENARIO
@@ -208,26 +208,26 @@ def _all_papers(runs: Sequence[Run]) -> bool:
     )
 
 
-def sections(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[Row, ...]]]:
+def sections(runs: Sequence[ColumnRun]) -> Iterator[tuple[str, tuple[IndexRow, ...]]]:
     """Names of the controlled variables, and last "" for energies, with the rows of each."""
     for name in dict.fromkeys(name for run in runs for name in run.summary["indices"]):
         yield name, ROWS
     yield "", ENERGY_ROWS
 
 
-def value_of(name: str, key: str, run: Run) -> float | None:
+def value_of(name: str, key: str, run: ColumnRun) -> float | None:
     """Our number for one row of a section."""
     values = run.summary["indices"].get(name, {}) if name else run.summary["energy_j"]
     value: float | None = values.get(key)
     return abs(value) if key == "net" and value is not None else value
 
 
-def _published(name: str, key: str, run: Run) -> float | None:
+def _published(name: str, key: str, run: ColumnRun) -> float | None:
     printed = PAPER.get((name, key)) if _is_papers(run) else None
     return None if printed is None else printed[run.column]
 
 
-def letters_of(runs: Sequence[Run]) -> dict[str, str]:
+def letters_of(runs: Sequence[ColumnRun]) -> dict[str, str]:
     """Give a letter to each index that somewhere is not met, in the order of the table."""
     missed = dict.fromkeys(
         row.key
@@ -242,7 +242,7 @@ def letters_of(runs: Sequence[Run]) -> dict[str, str]:
     return {key: chr(ord("a") + i) for i, key in enumerate(missed)}
 
 
-def cells(name: str, row: Row, run: Run, letters: dict[str, str]) -> tuple[Text, Text]:
+def cells(name: str, row: IndexRow, run: ColumnRun, letters: dict[str, str]) -> tuple[Text, Text]:
     """Write the paper's value and ours, with a mark where there is something to compare."""
     value = value_of(name, row.key, run)
     ours = Text(written(row, value))
@@ -255,12 +255,12 @@ def cells(name: str, row: Row, run: Run, letters: dict[str, str]) -> tuple[Text,
     return paper, ours.append(f" {letters[row.key]}", style="yellow")
 
 
-def written(row: Row, value: float | None) -> str:
+def written(row: IndexRow, value: float | None) -> str:
     """Write a value with its unit."""
     return MISSING if value is None else f"{value:.{row.decimals}f}{row.unit}"
 
 
-def _listed(lines: Sequence[Note], style: str) -> Table:
+def _listed(lines: Sequence[Footnote], style: str) -> Table:
     """Write marks on the left, text on the right."""
     grid = Table.grid(padding=(0, 2, 0, 0), pad_edge=False)
     grid.add_column(no_wrap=True)

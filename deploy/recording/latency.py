@@ -16,7 +16,7 @@ from deploy.recording.trajectory import Floats, Integers
 PERCENTILES = (50.0, 90.0, 99.0)
 
 
-class Spread(NamedTuple):
+class Distribution(NamedTuple):
     """How values lie, in their unit."""
 
     known: int
@@ -27,7 +27,7 @@ class Spread(NamedTuple):
     most: float
 
 
-class Waits(NamedTuple):
+class WaitCounts(NamedTuple):
     """For whom the plant waited: the board whose answer was the last of a tick."""
 
     ticks: int
@@ -40,13 +40,13 @@ class Waits(NamedTuple):
     """Which board that was, one entry for each of `ticks`."""
 
 
-def spread(values: Floats) -> Spread | None:
+def spread(values: Floats) -> Distribution | None:
     """Percentiles of all values that are numbers; None if there are none."""
     known = values[np.isfinite(values)]
     if not len(known):
         return None
     p50, p90, p99 = np.percentile(known, PERCENTILES, method="inverted_cdf").tolist()
-    return Spread(len(known), p50, p90, p99, float(known.max()))
+    return Distribution(len(known), p50, p90, p99, float(known.max()))
 
 
 def between_ns(first_ns: Integers, then_ns: Integers) -> Floats:
@@ -82,7 +82,7 @@ def gaps_ns(recording: Recording) -> Floats:
     return between_ns(recording.closed_ns[:-1], recording.opened_ns[1:])
 
 
-def waits(recording: Recording) -> Waits:
+def waits(recording: Recording) -> WaitCounts:
     """Find for whom the plant waited, tick by tick."""
     answered_ns = recording.answered_ns
     boards = answered_ns.shape[1]
@@ -93,4 +93,4 @@ def waits(recording: Recording) -> Waits:
         alone_ns = (ordered[:, -1] - ordered[:, -2]).astype(np.float64)
     else:
         alone_ns = np.full(len(compared), np.nan)
-    return Waits(len(compared), np.bincount(whose, minlength=boards), alone_ns, whose)
+    return WaitCounts(len(compared), np.bincount(whose, minlength=boards), alone_ns, whose)

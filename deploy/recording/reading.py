@@ -36,7 +36,7 @@ from protocol.robot.events import Event, check_event
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK
 from protocol.wire.timing import TickTiming, Timing
-from protocol.wire.trace import Lived, Taken
+from protocol.wire.trace import TakenFrames, TickTrace
 from protocol.wire.wiring import neighbours
 
 Happened = tuple[int, Event]
@@ -47,7 +47,7 @@ _SAID = ("torque_nm", "controlled_rad", "urgency"), (
 """Fields of a torque frame that arrays are made of: numbers, and integers."""
 
 
-class Body(NamedTuple):
+class RecordedBody(NamedTuple):
     """What the plant recorded of R ticks, warm-up included, and how it ended."""
 
     first_tick: int
@@ -142,7 +142,7 @@ def _facts(said: Channels) -> dict[str, Any]:
     return found
 
 
-def _body(said: Channels, joints: int, timings: Sequence[rows.PlantTimingRow]) -> Body:
+def _body(said: Channels, joints: int, timings: Sequence[rows.PlantTimingRow]) -> RecordedBody:
     found = said.rows(topics.PLANT_TICK, rows.TickRow)
     if not found:
         raise ValueError("it ends before its first tick")
@@ -161,7 +161,7 @@ def _body(said: Channels, joints: int, timings: Sequence[rows.PlantTimingRow]) -
         raise ValueError(f"it ends after tick {ended.tick - 1}, and with tick {last.tick}")
     if {len(ended.angles_rad), len(ended.rates_rad_s)} != {joints}:
         raise ValueError(f"the outcome is not of {joints} joints")
-    return Body(
+    return RecordedBody(
         first.tick,
         np.array([row.angles_rad for row in found]),
         np.array([row.rates_rad_s for row in found]),
@@ -170,7 +170,7 @@ def _body(said: Channels, joints: int, timings: Sequence[rows.PlantTimingRow]) -
     )
 
 
-def _events(said: Channels, body: Body, joints: list[str]) -> list[Happened]:
+def _events(said: Channels, body: RecordedBody, joints: list[str]) -> list[Happened]:
     """What happened, each with its tick."""
     found = []
     told = said.tables(topics.EVENT)
@@ -182,7 +182,7 @@ def _events(said: Channels, body: Body, joints: list[str]) -> list[Happened]:
     return found
 
 
-def _answers(said: Channels, joints: Sequence[str], body: Body) -> dict[str, Any]:
+def _answers(said: Channels, joints: Sequence[str], body: RecordedBody) -> dict[str, Any]:
     """What boards answered, by the names of the trajectory, each (R, N); and `said_tick`."""
     shape = len(body.torques_nm), len(joints)
     numbers, integers = _SAID
@@ -206,7 +206,7 @@ def _answers(said: Channels, joints: Sequence[str], body: Body) -> dict[str, Any
 
 
 def _trajectory(
-    scenario: Scenario, body: Body, events: list[Happened], answers: dict[str, Any]
+    scenario: Scenario, body: RecordedBody, events: list[Happened], answers: dict[str, Any]
 ) -> Trajectory:
     said = {name: body.free(values) for name, values in answers.items() if name != "said_tick"}
     ended = body.ended
@@ -336,13 +336,13 @@ def _realtime(
 
 def _lives(said: Channels, joint: str, links: int) -> Lives:
     """Turns of one joint's boards, a list for each incarnation."""
-    found: dict[int, list[Lived]] = {}
+    found: dict[int, list[TickTrace]] = {}
     for row in said.rows(topics.turn(joint), rows.TurnRow):
         if len(row.taken) != links:
             raise ValueError(f"turns of a board with {links} neighbours have others")
-        taken = tuple(Taken(link.newest_tick, link.before) for link in row.taken)
+        taken = tuple(TakenFrames(link.newest_tick, link.before) for link in row.taken)
         found.setdefault(row.incarnation, []).append(
-            Lived(row.slot, row.woke_us, row.late_us, row.busy_us, row.phase_us, row.seen_tick,
+            TickTrace(row.slot, row.woke_us, row.late_us, row.busy_us, row.phase_us, row.seen_tick,
                   row.skipped, row.marks, taken)
         )  # fmt: skip
     return list(found.values())

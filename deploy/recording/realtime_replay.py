@@ -45,7 +45,7 @@ from protocol.wire.frames import (
     TorqueFrame,
     decode,
 )
-from protocol.wire.trace import Lived, Trace
+from protocol.wire.trace import TickTrace, Trace
 from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
@@ -89,7 +89,7 @@ def replay(spool: Spool, on_tick: Callable[[int], None] = lambda _tick: None) ->
     if not spool.in_realtime:
         raise ValueError("this run is one in lockstep")
     plant = PlantReplay(spool)
-    lives: dict[Life, deque[Lived]] = {}
+    lives: dict[Life, deque[TickTrace]] = {}
     words: Words = {}
     said: Said = {}
     try:
@@ -189,7 +189,7 @@ class _BoardReplay:
         scenario: Scenario,
         plant: PlantReplay,
         life: Life,
-        lived: deque[Lived],
+        lived: deque[TickTrace],
         words: Words,
     ) -> None:
         config = board_config(scenario, scenario.boards[life.board].joint)
@@ -215,7 +215,7 @@ class _BoardReplay:
             self.played += 1
         return self.played > before
 
-    def _play(self, lived: Lived, said: Said) -> bool:
+    def _play(self, lived: TickTrace, said: Said) -> bool:
         while self._told and self._told[0][0] <= lived.seen_tick:
             _, payload = self._told.popleft()
             self.board.observe(payload)
@@ -238,7 +238,7 @@ class _BoardReplay:
         back = neighbours(sender.board, self.board.board.config.boards)
         return actuation.links[back.index(self.life.board)]
 
-    def _heard(self, lived: Lived) -> Iterator[tuple[int, tuple[Life, int]]]:
+    def _heard(self, lived: TickTrace) -> Iterator[tuple[int, tuple[Life, int]]]:
         """Which frames of which neighbours are new in a period: the link, who, and said when."""
         for link, (newest_tick, before) in enumerate(lived.taken):
             if newest_tick in (self._taken[link], NO_TICK):

@@ -21,7 +21,7 @@ from protocol.robot.cadence import cadence_of
 from protocol.robot.events import Admission, Departure, Event, FreshTorque, StaleTorque
 from protocol.robot.scenario import Scenario
 from protocol.wire.frames import NO_TICK, TorqueFrame, decode
-from protocol.wire.trace import Lived, Mark, Trace
+from protocol.wire.trace import Mark, TickTrace, Trace
 from protocol.wire.trace_differences import decode_told
 from protocol.wire.wiring import neighbours
 
@@ -30,7 +30,7 @@ US_PER_MS = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoardTimes:
+class OwnTimeBoardTimes:
     """One board: its K turns, the T ticks of the plant, and E epochs."""
 
     rate_hz: float
@@ -75,7 +75,7 @@ class BoardTimes:
 class RealtimeTimes:
     """A run."""
 
-    boards: list[BoardTimes]
+    boards: list[OwnTimeBoardTimes]
     policy: str
     """What boards do about a missed deadline."""
     round_ms: float
@@ -88,27 +88,27 @@ class RealtimeTimes:
     """Wall time that it gave up because it was too late."""
 
 
-class Clock:
+class RunClock:
     """Turns ticks into milliseconds, for one board."""
 
     def __init__(self, tick_ms: float, ticks_per_period: int) -> None:
         self.tick_ms = tick_ms
         self.ticks_per_period = ticks_per_period
 
-    def tick(self, lived: Lived) -> int:
+    def tick(self, lived: TickTrace) -> int:
         """The first tick of the period that a turn is for."""
         return lived.slot * self.ticks_per_period
 
-    def woke_ms(self, lived: Lived) -> float:
+    def woke_ms(self, lived: TickTrace) -> float:
         """When a turn began, since the release."""
         return self.tick(lived) * self.tick_ms + lived.phase_us / US_PER_MS
 
-    def said_ms(self, lived: Lived) -> float:
+    def said_ms(self, lived: TickTrace) -> float:
         """When its torque was on the way."""
         return self.woke_ms(lived) + lived.busy_us / US_PER_MS
 
 
-Lives = list[list[Lived]]
+Lives = list[list[TickTrace]]
 """What a joint's boards lived through: in order, a list for each incarnation."""
 
 
@@ -127,7 +127,7 @@ class RealtimeRecord(NamedTuple):
 
 def turns(spool: Spool) -> list[Lives]:
     """What each board lived through, from the ground up."""
-    found: list[dict[int, list[Lived]]] = [{} for _ in spool.scenario.boards]
+    found: list[dict[int, list[TickTrace]]] = [{} for _ in spool.scenario.boards]
     for board, payload in spool.realtime:
         told = None if board == PLANT else decode_told(payload)
         if isinstance(told, Trace):
@@ -170,7 +170,7 @@ def times_of(scenario: Scenario, record: RealtimeRecord) -> RealtimeTimes:
     ]
     lived = [[turn for life in of_board for turn in life] for of_board in lives]
     tick_ms = scenario.run.tick_s * 1e3
-    clocks = [Clock(tick_ms, ticks) for ticks in cadence.ticks_per_period]
+    clocks = [RunClock(tick_ms, ticks) for ticks in cadence.ticks_per_period]
     said_ms = [
         {turn.slot * clock.ticks_per_period: clock.said_ms(turn) for turn in own}
         for clock, own in zip(clocks, lived, strict=True)
@@ -179,7 +179,7 @@ def times_of(scenario: Scenario, record: RealtimeRecord) -> RealtimeTimes:
     there = [_presence(record.events, board) for board in range(len(lived))]
     return RealtimeTimes(
         boards=[
-            BoardTimes(
+            OwnTimeBoardTimes(
                 **_loop(lived[board], clocks[board]),
                 period_ms=_periods_ms(lives[board]),
                 neighbour_age_ms={
@@ -205,7 +205,7 @@ def times_of(scenario: Scenario, record: RealtimeRecord) -> RealtimeTimes:
     )
 
 
-def _loop(lived: Sequence[Lived], clock: Clock) -> dict[str, Any]:
+def _loop(lived: Sequence[TickTrace], clock: RunClock) -> dict[str, Any]:
     """What follows from a board's own turns."""
     period_ms = clock.ticks_per_period * clock.tick_ms
     return {
@@ -221,7 +221,7 @@ def _loop(lived: Sequence[Lived], clock: Clock) -> dict[str, Any]:
     }
 
 
-def _periods_ms(lives: Sequence[Sequence[Lived]]) -> Floats:
+def _periods_ms(lives: Sequence[Sequence[TickTrace]]) -> Floats:
     """From one turn to the next of the same incarnation; turns made up for begin at once."""
     found = [np.diff(np.array([turn.woke_us for turn in life], np.float64)) for life in lives]
     between_us: Floats = np.concatenate([*found, np.empty(0)])
@@ -229,7 +229,7 @@ def _periods_ms(lives: Sequence[Sequence[Lived]]) -> Floats:
 
 
 def _decisions_ms(
-    lived: Sequence[Lived], clock: Clock, scenario: Scenario, epochs: int | None
+    lived: Sequence[TickTrace], clock: RunClock, scenario: Scenario, epochs: int | None
 ) -> Floats:
     found: Floats = np.full(epochs or 0, np.nan)
     period_ticks = scenario.election.period_ticks
@@ -279,7 +279,7 @@ def _presence(events: Sequence[tuple[int, Event]], board: int) -> Callable[[int]
 
 
 def _neighbour_ages_ms(
-    lived: Sequence[Lived], link: int, clock: Clock, said_ms: dict[int, float]
+    lived: Sequence[TickTrace], link: int, clock: RunClock, said_ms: dict[int, float]
 ) -> Floats:
     """Time since the newest frame of a neighbour had been said, whenever a turn began."""
 

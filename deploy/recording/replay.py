@@ -37,7 +37,7 @@ Link = tuple[int, int]
 """A directed link: sender and receiver."""
 
 
-class Nowhere(TextIOBase):
+class DiscardedOutput(TextIOBase):
     """Where a controller from outside prints to in a replay: it has said so already."""
 
     def write(self, text: str) -> int:
@@ -45,7 +45,7 @@ class Nowhere(TextIOBase):
         return len(text)
 
 
-NOWHERE = Nowhere()
+NOWHERE = DiscardedOutput()
 
 
 class UnplayableError(Exception):
@@ -60,7 +60,7 @@ class LinkDraw(NamedTuple):
     """Whether the link was cut, so that no chance was in it."""
 
 
-class Witness(LinkModel):
+class RecordingLinkModel(LinkModel):
     """A link model that remembers what it drew last."""
 
     drawn: LinkDraw | None = None
@@ -94,7 +94,7 @@ class Replay:
 
     def __init__(self, scenario: Scenario) -> None:
         self.twin = Twin(scenario, empty=True)  # Who came, and when, is in the recording.
-        self.witnesses: list[list[Witness]] = [[] for _ in self.twin.boards]
+        self.witnesses: list[list[RecordingLinkModel]] = [[] for _ in self.twin.boards]
         self.everybody: list[Board] = []
         """All boards there have been, also those that are gone."""
 
@@ -185,7 +185,7 @@ class Replay:
         run_id = self.twin.lockstep.plant.run_id
         firmware = assemble(config, run_id=run_id, incarnation=incarnation)
         self.witnesses[board] = [
-            Witness(
+            RecordingLinkModel(
                 seed=config.seed, sender=sender, receiver=board, standing=hearing.link.parameters
             )
             for sender, hearing in zip(config.neighbours, firmware.hearings, strict=True)

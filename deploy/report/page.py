@@ -55,7 +55,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class PageTable:
     """Rows of cells; the first column names the row."""
 
     title: str
@@ -98,7 +98,7 @@ class Remark:
     beside = ""
 
 
-Block = Figure | Table | Remark
+Block = Figure | PageTable | Remark
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ class Page:
             autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
         )
         made.tests["figure"] = lambda block: isinstance(block, Figure)
-        made.tests["table"] = lambda block: isinstance(block, Table)
+        made.tests["table"] = lambda block: isinstance(block, PageTable)
         return made.from_string(text).render(page=self)
 
 
@@ -144,5 +144,5 @@ def _check(block: Block) -> None:
     if isinstance(block, Remark):
         return
     assert block.reading.strip(), f"{block.title}: how is it read?"
-    if isinstance(block, Table):
+    if isinstance(block, PageTable):
         assert all(len(row) == len(block.header) for row in block.rows), block.title

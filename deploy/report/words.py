@@ -52,7 +52,7 @@ OfBoard = (
 """What happens to one board, but for commands."""
 
 
-class Words:
+class Wording:
     """Says what happened, with the names of one robot."""
 
     def __init__(self, scenario: Scenario) -> None:

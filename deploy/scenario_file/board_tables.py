@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from deploy.scenario_file.event_tables import Body
+from deploy.scenario_file.event_tables import BodyNames
 from deploy.scenario_file.ticks import whole_ticks
 from protocol.robot.hardware import ClockSheet, FootSheet, MotorSheet, PassiveElement
 from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
@@ -173,7 +173,7 @@ def sensor_names(board: BoardHardware) -> tuple[SensorName, ...]:
     return sensors_of(sensor_sheet(board.sensors), imu=board.imu, force_plate=board.force_plate)
 
 
-def hardware_misfits(i: int, board: BoardHardware, body: Body) -> Iterator[str]:
+def hardware_misfits(i: int, board: BoardHardware, body: BodyNames) -> Iterator[str]:
     """What is wrong between the values of board i's hardware, each as `path: reason`."""
     path = f"board.{i}"
     yield from _clock_misfits(f"{path}.clock", board.clock, body)
@@ -195,7 +195,7 @@ def hardware_misfits(i: int, board: BoardHardware, body: Body) -> Iterator[str]:
         yield f"{path}.foot: only the lowest board, board.0, stands on the ground"
 
 
-def _clock_misfits(path: str, clock: ClockTable, body: Body) -> Iterator[str]:
+def _clock_misfits(path: str, clock: ClockTable, body: BodyNames) -> Iterator[str]:
     overruns = enumerate(clock.overrun_at_s)
     times_ms = {
         "start_up_ms": clock.start_up_ms,

@@ -11,7 +11,13 @@ from typing import Any, TypeGuard, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from deploy.scenario_file.board_tables import hardware_misfits, realtime_clock_misfits, sensor_names
-from deploy.scenario_file.event_tables import AnyEvent, Body, StandingLink, commands, standing_links
+from deploy.scenario_file.event_tables import (
+    AnyEvent,
+    BodyNames,
+    StandingLink,
+    commands,
+    standing_links,
+)
 from deploy.scenario_file.realtime_tables import Rounds, realtime_misfits
 from deploy.scenario_file.tables import (
     PORT_MAX,
@@ -19,13 +25,13 @@ from deploy.scenario_file.tables import (
     ElectionTable,
     RigTable,
     RunTable,
-    Table,
+    StrictTable,
 )
 from deploy.scenario_file.ticks import MeaningError, whole_ticks
 
 RESERVED = frozenset({"plant"})
 """Names that stand for somebody else where a key has the name of a joint."""
-AnyTable = TypeVar("AnyTable", bound=Table)
+AnyTable = TypeVar("AnyTable", bound=StrictTable)
 
 
 def misfits(tree: dict[str, Any]) -> Iterator[str]:
@@ -114,9 +120,9 @@ def _event_misfits(tree: dict[str, Any], run: RunTable, boards: list[BoardTable]
                 yield f"event.{i}.{error}"
 
 
-def body_of(run: RunTable, boards: list[BoardTable]) -> Body:
+def body_of(run: RunTable, boards: list[BoardTable]) -> BodyNames:
     """What names and times in events stand for."""
-    return Body(
+    return BodyNames(
         joints=[board.joint for board in boards],
         segments=[board.link.name for board in boards],
         sensors=[sensor_names(board) for board in boards],

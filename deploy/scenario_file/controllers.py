@@ -50,14 +50,14 @@ ControllerOfBoards = Annotated[Any, AfterValidator(_of_boards)]
 """One class for all boards, or one each for some joints."""
 
 
-class Door(NamedTuple):
+class ControllerInterface(NamedTuple):
     """What a class must have to be taken for a controller."""
 
     method: str
     argument: str
 
 
-SERVO, ELECTION = Door("torque_nm", "seen"), Door("vote", "now")
+SERVO, ELECTION = ControllerInterface("torque_nm", "seen"), ControllerInterface("vote", "now")
 
 
 class Controllers(NamedTuple):
@@ -96,7 +96,7 @@ def reference_for(joint: str, own: str | None, common: Any) -> str | None:
     return found
 
 
-def _named(tree: dict[str, Any]) -> Iterator[tuple[str, str, Door]]:
+def _named(tree: dict[str, Any]) -> Iterator[tuple[str, str, ControllerInterface]]:
     """Every class that a scenario names: path of the key, reference, and which door it is for."""
     boards, common, election = tree.get("board"), tree.get("controller"), tree.get("election")
     named = [
@@ -143,7 +143,7 @@ def _file(module: str, folders: Sequence[Path]) -> Path | None:
     return Path(origin) if origin.endswith(".py") else None
 
 
-def _misfit(source: Source, door: Door) -> str | None:
+def _misfit(source: Source, door: ControllerInterface) -> str | None:
     """Why a class cannot be taken for a controller; None if it can."""
     try:
         with redirect_stdout(sys.stderr):  # What we print ourselves may be read by a program.

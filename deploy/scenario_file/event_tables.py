@@ -30,7 +30,7 @@ LINK_PATTERN = r"^(all|[a-z][a-z0-9_]*-[a-z][a-z0-9_]*)$"
 LinkName = Annotated[str, Field(pattern=LINK_PATTERN)]
 
 
-class Faulty(BaseModel):
+class LinkFaultTable(BaseModel):
     """How bad a link is; what is not given stays as it was."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -55,7 +55,7 @@ class Faulty(BaseModel):
     """Probability that a frame is damaged."""
 
 
-class StandingLink(Faulty):
+class StandingLink(LinkFaultTable):
     """A link that is bad from the start.
 
     Without a value it is perfect: burst_end and burst_loss are 1, all else is 0.
@@ -67,7 +67,7 @@ class StandingLink(Faulty):
     """Only from the first joint's board to the second's."""
 
 
-class Event(BaseModel):
+class EventTable(BaseModel):
     """Something that happens to the robot."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -76,7 +76,7 @@ class Event(BaseModel):
     """When, from the release of the body."""
 
 
-class Cut(Event):
+class CutTable(EventTable):
     """Nothing passes the link any more, or not for `duration_s`."""
 
     do: Literal["cut"]
@@ -88,7 +88,7 @@ class Cut(Event):
     """How long. None: for good."""
 
 
-class Heal(Event):
+class HealTable(EventTable):
     """The link is perfect from here on."""
 
     do: Literal["heal"]
@@ -98,7 +98,7 @@ class Heal(Event):
     """Only from the first joint's board to the second's."""
 
 
-class Faults(Event, Faulty):
+class LinkFaultEventTable(EventTable, LinkFaultTable):
     """The link is as bad as given, or only for `duration_s`."""
 
     do: Literal["faults"]
@@ -110,7 +110,7 @@ class Faults(Event, Faulty):
     """How long. None: for good."""
 
 
-class Push(Event):
+class PushTable(EventTable):
     """A horizontal force at the centre of mass of a link, forward positive."""
 
     do: Literal["push"]
@@ -122,7 +122,7 @@ class Push(Event):
     """How long."""
 
 
-class Reference(Event):
+class ReferenceTable(EventTable):
     """A board gets another reference."""
 
     do: Literal["reference"]
@@ -132,7 +132,7 @@ class Reference(Event):
     """The new one."""
 
 
-class Plugging(Event):
+class PlugTable(EventTable):
     """A board is taken away (its process is killed), or a new one put in."""
 
     do: Literal["unplug", "plug"]
@@ -140,7 +140,7 @@ class Plugging(Event):
     """Whose board."""
 
 
-class SensorFault(Event, FaultAmounts):
+class SensorFaultTable(EventTable, FaultAmounts):
     """A sensor of a board fails, or, with "ok", works again."""
 
     do: Literal["sensor"]
@@ -155,11 +155,18 @@ class SensorFault(Event, FaultAmounts):
 
 
 AnyEvent = Annotated[
-    Cut | Heal | Faults | Push | Reference | SensorFault | Plugging, Field(discriminator="do")
+    CutTable
+    | HealTable
+    | LinkFaultEventTable
+    | PushTable
+    | ReferenceTable
+    | SensorFaultTable
+    | PlugTable,
+    Field(discriminator="do"),
 ]
 
 
-class Body(NamedTuple):
+class BodyNames(NamedTuple):
     """What names and times in events stand for."""
 
     joints: Sequence[str]
@@ -196,10 +203,10 @@ def all_pairs(boards: int) -> Pairs:
     return tuple((a, b) for a in range(boards) for b in (a - 1, a + 1) if 0 <= b < boards)
 
 
-def changes(table: Faulty, body: Body) -> dict[str, float]:
+def changes(table: LinkFaultTable, body: BodyNames) -> dict[str, float]:
     """Give the parameters of a link as `protocol.robot.events.LinkParameters` has them."""
     found = {}
-    for name, value in table.model_dump(include=set(Faulty.model_fields)).items():
+    for name, value in table.model_dump(include=set(LinkFaultTable.model_fields)).items():
         if value is None:
             continue
         if name.endswith("_ms"):
@@ -212,7 +219,7 @@ def changes(table: Faulty, body: Body) -> dict[str, float]:
     return found
 
 
-def standing_links(table: StandingLink, body: Body) -> list[LinkFaults]:
+def standing_links(table: StandingLink, body: BodyNames) -> list[LinkFaults]:
     """Resolve a `[[link]]` table, for each directed link."""
     pairs = directed_pairs(table.link, body.joints, one_way=table.one_way)
     return [
@@ -220,7 +227,7 @@ def standing_links(table: StandingLink, body: Body) -> list[LinkFaults]:
     ]
 
 
-def merged_links(tables: Sequence[StandingLink], body: Body) -> list[LinkFaults]:
+def merged_links(tables: Sequence[StandingLink], body: BodyNames) -> list[LinkFaults]:
     """Resolve all `[[link]]` tables: one entry for each directed link, later tables on top."""
     found: dict[tuple[int, int], dict[str, float]] = {}
     for table in tables:
@@ -230,13 +237,13 @@ def merged_links(tables: Sequence[StandingLink], body: Body) -> list[LinkFaults]
 
 
 def commands(
-    event: "AnyEvent", standing: Sequence[LinkFaults], body: Body
+    event: "AnyEvent", standing: Sequence[LinkFaults], body: BodyNames
 ) -> list[tuple[int, Command]]:
     """Resolve an `[[event]]` table to commands with their ticks. Raises `MeaningError`."""
     tick = whole(event.at_s * 1e3, body.tick_ms, "at_s")
     if tick >= body.ticks:
         raise MeaningError(f"at_s: {event.at_s:g} s is not before the end of the run")
-    if isinstance(event, Cut | Faults):
+    if isinstance(event, CutTable | LinkFaultEventTable):
         found = _for_a_while(event, tick, standing, body)
     else:
         found = [(tick, _command(event, body))]
@@ -248,24 +255,26 @@ def commands(
     return found
 
 
-def _command(event: "Heal | Push | Reference | SensorFault | Plugging", body: Body) -> Command:
+def _command(
+    event: "HealTable | PushTable | ReferenceTable | SensorFaultTable | PlugTable", body: BodyNames
+) -> Command:
     """The one command that an event becomes."""
     command: Command
     match event:
-        case Heal():
+        case HealTable():
             command = events.LinkRepair(
                 directed_pairs(event.link, body.joints, one_way=event.one_way)
             )
-        case Push():
+        case PushTable():
             link = _index(event.segment, body.segments, "segment")
             ticks = whole(event.duration_s * 1e3, body.tick_ms, "duration_s")
             command = events.Push(link, float(event.force_n), ticks)
-        case Reference():
+        case ReferenceTable():
             rad = math.radians(event.reference_deg)
             command = events.ReferenceChange(_index(event.joint, body.joints, "joint"), rad)
-        case SensorFault():
+        case SensorFaultTable():
             command = _sensor_fault(event, body)
-        case Plugging():
+        case PlugTable():
             board = _index(event.joint, body.joints, "joint")
             command = events.Plug(board) if event.do == "plug" else events.Unplug(board)
         case _:
@@ -274,11 +283,14 @@ def _command(event: "Heal | Push | Reference | SensorFault | Plugging", body: Bo
 
 
 def _for_a_while(
-    event: Cut | Faults, tick: int, standing: Sequence[LinkFaults], body: Body
+    event: CutTable | LinkFaultEventTable,
+    tick: int,
+    standing: Sequence[LinkFaults],
+    body: BodyNames,
 ) -> list[tuple[int, Command]]:
     """Change links, and change them back to how the scenario has them for good."""
     pairs = directed_pairs(event.link, body.joints, one_way=event.one_way)
-    new = {"cut": 1.0} if isinstance(event, Cut) else changes(event, body)
+    new = {"cut": 1.0} if isinstance(event, CutTable) else changes(event, body)
     found: list[tuple[int, Command]] = [(tick, events.LinkChange(pairs, new))]
     if event.duration_s is None:
         return found
@@ -295,7 +307,7 @@ def _for_a_while(
     ]
 
 
-def _sensor_fault(event: SensorFault, body: Body) -> events.SensorFault:
+def _sensor_fault(event: SensorFaultTable, body: BodyNames) -> events.SensorFault:
     board = _index(event.joint, body.joints, "joint")
     if event.sensor not in (*body.sensors[board], ALL):
         raise MeaningError(f"sensor: {event.joint} has no {event.sensor}")

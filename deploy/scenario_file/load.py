@@ -35,7 +35,7 @@ from deploy.scenario_file.tables import (
 )
 from deploy.scenario_file.ticks import whole_ticks
 from module_agent.firmware.config import Source
-from protocol.robot.hardware import Link, ServoGains, Unattended
+from protocol.robot.hardware import Link, ServoGains, UnattendedJoint
 from protocol.robot.scenario import (
     BoardSettings,
     Controls,
@@ -285,7 +285,7 @@ def _board(
         force_plate=board.force_plate,
         controller=_outside(controller, sources),
         servo=_gains(board.servo),
-        unattended=Unattended(
+        unattended=UnattendedJoint(
             unattended.how, unattended.stiffness_nm_rad, unattended.damping_nm_s_rad
         ),
         link=_link(board.link),

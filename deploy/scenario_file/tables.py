@@ -35,13 +35,13 @@ Duration = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
 PORT_MAX = 65_535
 
 
-class Table(BaseModel):
+class StrictTable(BaseModel):
     """A TOML table: unknown keys are mistakes, and text is not a number."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class RunTable(Table):
+class RunTable(StrictTable):
     """How long, in which steps, and what counts as a fall."""
 
     duration_s: Duration = 10.0
@@ -60,7 +60,7 @@ class RunTable(Table):
     """Simulated seconds per second of wall time, at most; in lockstep. None: as fast as it goes."""
 
 
-class RigTable(Table):
+class RigTable(StrictTable):
     """Where the robot lives on the network."""
 
     name: Name = "robot"
@@ -71,7 +71,7 @@ class RigTable(Table):
     """Of the plant; board n, counted from 0, listens on base_port + 1 + n."""
 
 
-class ElectionTable(Table):
+class ElectionTable(StrictTable):
     """Who may move: elected every T_e, or everybody always (the original DEC)."""
 
     enabled: bool = True
@@ -88,7 +88,7 @@ class ElectionTable(Table):
     """An election of your own, such as my_module:MyElection. None: max-consensus."""
 
 
-class ServoTable(Table):
+class ServoTable(StrictTable):
     """Gains of one module (the paper's table I)."""
 
     kp_nm_rad: NotNegative
@@ -105,7 +105,7 @@ class ServoTable(Table):
     """Of the motor; the integral stands still at the limit."""
 
 
-class LinkTable(Table):
+class LinkTable(StrictTable):
     """The link above a joint."""
 
     name: Name
@@ -126,7 +126,7 @@ class LinkTable(Table):
         return self
 
 
-class UnattendedTable(Table):
+class UnattendedTable(StrictTable):
     """What a joint without a board does: turn freely, be locked, or have a spring and a damper."""
 
     how: Literal["limp", "braked", "passive"] = "limp"
@@ -137,7 +137,7 @@ class UnattendedTable(Table):
     """Of a passive joint."""
 
 
-class BoardTable(Table, BoardHardware):
+class BoardTable(StrictTable, BoardHardware):
     """One joint board and the link that it carries."""
 
     joint: Name
@@ -160,7 +160,7 @@ class BoardTable(Table, BoardHardware):
     """What this joint does without a board. None: `[unattended]` of the scenario."""
 
 
-class ScenarioTable(Table):
+class ScenarioTable(StrictTable):
     """Keys above all tables."""
 
     extends: str = ""

@@ -5,7 +5,7 @@ its torque is that mass's inertia times the acceleration that is wanted, less wh
 """
 
 from module_agent.firmware.config import BoardConfig
-from module_agent.firmware.controller import Seen
+from module_agent.firmware.controller import ServoInput
 
 GRAVITY_M_S2 = 9.81
 STIFFNESS_PER_S2 = 40.0
@@ -18,7 +18,7 @@ class ComputedTorque:
     def __init__(self, config: BoardConfig) -> None:
         self.limit_nm = config.gains.torque_limit_nm
 
-    def torque_nm(self, seen: Seen) -> float:
+    def torque_nm(self, seen: ServoInput) -> float:
         """Torque for an acceleration of -(stiffness * error + damping * rate)."""
         mass_kg, x_m, y_m, _x_m_s, _y_m_s = seen.body.supported
         inertia = mass_kg * (x_m * x_m + y_m * y_m)

@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any
 
 from module_agent.firmware.config import BoardConfig, Source
-from module_agent.firmware.controller import Candidate, FaultError, Round, Seen, Vote
+from module_agent.firmware.controller import Candidate, FaultError, Round, ServoInput, Vote
 from protocol.robot.scenario import ScenarioError
 from protocol.robot.states import FaultCode
 
@@ -51,7 +51,7 @@ def summary(error: BaseException) -> list[str]:
     return lines
 
 
-class _Walled:
+class _Sandboxed:
     """Somebody else's object; it is made at once, but fails only when it is asked."""
 
     def __init__(self, source: Source, config: BoardConfig, raised: FaultCode) -> None:
@@ -72,13 +72,13 @@ class _Walled:
             raise fault(self._raised, error) from error
 
 
-class WalledController(_Walled):
+class SandboxedController(_Sandboxed):
     """A servo from outside."""
 
     def __init__(self, source: Source, config: BoardConfig) -> None:
         super().__init__(source, config, FaultCode.CONTROLLER_RAISED)
 
-    def torque_nm(self, seen: Seen) -> float:
+    def torque_nm(self, seen: ServoInput) -> float:
         """Its torque. Raises `FaultError`."""
         answer = self._ask("torque_nm", seen)
         try:
@@ -87,7 +87,7 @@ class WalledController(_Walled):
             raise fault(FaultCode.CONTROLLER_NO_TORQUE, error) from error
 
 
-class WalledRule(_Walled):
+class SandboxedRule(_Sandboxed):
     """An election from outside."""
 
     def __init__(self, source: Source, config: BoardConfig) -> None:

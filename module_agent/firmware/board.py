@@ -15,10 +15,10 @@ from collections.abc import Callable
 from math import fabs
 from typing import NamedTuple, assert_never
 
-from module_agent.firmware.body_view import BodySample, BodyView, Turn
+from module_agent.firmware.body_view import AngleAndRate, BodySample, BodyView
 from module_agent.firmware.config import BoardConfig
-from module_agent.firmware.controller import Candidate, Controller, FaultError, Seen
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.controller import Candidate, Controller, FaultError, ServoInput
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from module_agent.firmware.frame_writer import FrameWriter, Statement
 from module_agent.firmware.hearing import LinkEnd
 from module_agent.firmware.lateness import Lateness
@@ -222,7 +222,7 @@ class Board:
             case _:
                 assert_never(command)
 
-    def _hear(self, tick: int, round_: int, observation: Observation) -> list[Heard]:
+    def _hear(self, tick: int, round_: int, observation: Observation) -> list[HeardGossip]:
         """Use what arrives in this tick: bodies for the view, gossip for the election."""
         heard = []
         elects = self.election is not None and self.election.due(round_)
@@ -231,10 +231,10 @@ class Board:
                 self._hear_body[link](frame)
                 if elects:
                     best = Candidate(frame.urgency, frame.candidate)
-                    heard.append(Heard(link, Gossip(frame.epoch, frame.round, best)))
+                    heard.append(HeardGossip(link, Gossip(frame.epoch, frame.round, best)))
         return heard
 
-    def _controlled(self, body: BodySample) -> Turn:
+    def _controlled(self, body: BodySample) -> AngleAndRate:
         match self.config.controls:
             case Controls.BODY_SWAY:
                 return body.sway
@@ -244,7 +244,12 @@ class Board:
                 return body.link
 
     def _elect(
-        self, tick: int, round_: int, urgency: float, heard: list[Heard], observation: Observation
+        self,
+        tick: int,
+        round_: int,
+        urgency: float,
+        heard: list[HeardGossip],
+        observation: Observation,
     ) -> None:
         election = self.election
         if election is None:
@@ -261,7 +266,7 @@ class Board:
             election.enabled = False
 
     def _drive(
-        self, tick: int, controlled: Turn, body: BodySample, observation: Observation
+        self, tick: int, controlled: AngleAndRate, body: BodySample, observation: Observation
     ) -> float:
         enabled = self.enabled
         if enabled:
@@ -274,7 +279,7 @@ class Board:
             goal_rad = self.held_rad
         error_rad, rate_rad_s = target.rad - goal_rad, target.rad_s
         about = tick, enabled, self.reference_rad, error_rad, rate_rad_s
-        seen = Seen(*about, controlled, body, self.state, observation)
+        seen = ServoInput(*about, controlled, body, self.state, observation)
         try:
             return self.servo.torque_nm(seen)
         except FaultError as fault:

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 from module_agent.firmware.kinematics import (
     NOTHING,
+    CarriedMass,
     CarriedShape,
-    Supported,
     add_link,
     carried_rigidly,
     shape_of,
@@ -36,39 +36,39 @@ LATENESS_TICKS_MAX = 64
 """A frame that is later than this says nothing of use any more."""
 
 
-class Turn(NamedTuple):
+class AngleAndRate(NamedTuple):
     """An orientation or joint angle, and its rate."""
 
     rad: float
     rad_s: float
 
 
-LEVEL = Turn(0.0, 0.0)
+LEVEL = AngleAndRate(0.0, 0.0)
 """The foot stands still on a fixed support (paper, section III-B)."""
-UNKNOWN = Turn(0.0, 0.0)
+UNKNOWN = AngleAndRate(0.0, 0.0)
 """Stands in for an angle before its first reading."""
 
 
-class OwnTurns(NamedTuple):
+class OwnAngles(NamedTuple):
     """What a board's own sensors say of angles in one tick."""
 
-    joint: Turn
-    imu: Turn
-    support: Turn = LEVEL
+    joint: AngleAndRate
+    imu: AngleAndRate
+    support: AngleAndRate = LEVEL
     """How the foot lies and turns; it counts at the bottom of the chain alone."""
 
 
 class BodySample(NamedTuple):
     """The body as of one tick: this board's joint and link, and all that the joint carries."""
 
-    joint: Turn
-    link: Turn
-    supported: Supported
+    joint: AngleAndRate
+    link: AngleAndRate
+    supported: CarriedMass
 
     @property
-    def sway(self) -> Turn:
+    def sway(self) -> AngleAndRate:
         """Angle of the carried centre of mass from the vertical through the joint, and its rate."""
-        return Turn(self.supported.sway_rad(), self.supported.sway_rad_s())
+        return AngleAndRate(self.supported.sway_rad(), self.supported.sway_rad_s())
 
 
 class BodyView:
@@ -95,13 +95,13 @@ class BodyView:
         self.pitch = pitch
         """Own periods between two samples of the slowest board above; 0: all are in step."""
         self._kept_ticks = lumped_delay_ticks + GAP_TICKS_MAX + LATENESS_TICKS_MAX
-        self._joint: dict[int, Turn] = {}
-        self._imu: dict[int, Turn] = {}
-        self._lower: dict[int, Turn] = {}
+        self._joint: dict[int, AngleAndRate] = {}
+        self._imu: dict[int, AngleAndRate] = {}
+        self._lower: dict[int, AngleAndRate] = {}
         self._complete: dict[int, BodySample] = {}
         self._newest = NO_TICK
         """The newest own sample, and what it was."""
-        self._newest_own = OwnTurns(UNKNOWN, UNKNOWN)
+        self._newest_own = OwnAngles(UNKNOWN, UNKNOWN)
         self._forgotten = NO_TICK
         self._newest_complete = NO_TICK
         self._newest_lower = NO_TICK
@@ -121,7 +121,7 @@ class BodyView:
                 for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
                     del store[old]
 
-    def sense(self, sampled: int, own: OwnTurns, *, top: bool) -> None:
+    def sense(self, sampled: int, own: OwnAngles, *, top: bool) -> None:
         """Store own sensors of the tick in which they were sampled, once.
 
         At the top of the chain they are a complete sample.
@@ -144,14 +144,16 @@ class BodyView:
         tick = frame.sample_tick
         if tick not in self._joint:
             return
-        heard = Turn(frame.lower_link_rad, frame.lower_link_rad_s)
-        above = Supported(*frame[-5:])
+        heard = AngleAndRate(frame.lower_link_rad, frame.lower_link_rad_s)
+        above = CarriedMass(*frame[-5:])
         self._complete_sample(tick, self._imu.get(tick, heard), above)
 
     def hear_from_below(self, frame: LinkFrame) -> None:
         """Store the orientation of the link below, reckoned by encoders from the foot up."""
         if frame.sample_tick in self._joint:
-            self._store_lower(frame.sample_tick, Turn(frame.lower_link_rad, frame.lower_link_rad_s))
+            self._store_lower(
+                frame.sample_tick, AngleAndRate(frame.lower_link_rad, frame.lower_link_rad_s)
+            )
 
     def sampled(self, tick: int) -> bool:
         """Whether this board's own sensors were read in `tick`."""
@@ -180,38 +182,38 @@ class BodyView:
             return NO_TICK, None
         return self._newest_lower, self._reckoned(self._newest_lower)
 
-    def for_above(self) -> tuple[int, Turn]:
+    def for_above(self) -> tuple[int, AngleAndRate]:
         """The newest orientation of this board's link by encoders from the foot up."""
         tick = self._newest_lower
         if tick not in self._joint:
             return NO_TICK, UNKNOWN
         lower, joint = self._last_lower, self._joint[tick]
-        return tick, Turn(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
+        return tick, AngleAndRate(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
 
-    def _complete_sample(self, tick: int, link: Turn, above: Supported) -> None:
+    def _complete_sample(self, tick: int, link: AngleAndRate, above: CarriedMass) -> None:
         supported = add_link(self.link, link.rad, link.rad_s, above)
         self._complete[tick] = BodySample(self._joint[tick], link, supported)
         if tick >= self._newest_complete:
             self._newest_complete = tick
             self._shape = shape_of(above, link.rad)
 
-    def _store_lower(self, tick: int, lower: Turn) -> None:
+    def _store_lower(self, tick: int, lower: AngleAndRate) -> None:
         self._lower[tick] = lower
         if tick >= self._newest_lower:
             self._newest_lower, self._last_lower = tick, lower
 
     def _extrapolated(self, sample: BodySample, ahead_s: float) -> BodySample:
-        def turned(turn: Turn) -> Turn:
-            return Turn(turn.rad + turn.rad_s * ahead_s, turn.rad_s)
+        def turned(turn: AngleAndRate) -> AngleAndRate:
+            return AngleAndRate(turn.rad + turn.rad_s * ahead_s, turn.rad_s)
 
         mass, x_m, y_m, x_m_s, y_m_s = sample.supported
-        moved = Supported(mass, x_m + x_m_s * ahead_s, y_m + y_m_s * ahead_s, x_m_s, y_m_s)
+        moved = CarriedMass(mass, x_m + x_m_s * ahead_s, y_m + y_m_s * ahead_s, x_m_s, y_m_s)
         return sample._replace(link=turned(sample.link), supported=moved)
 
     def _reckoned(self, tick: int) -> BodySample:
         joint = self._joint[tick]
         lower = self._lower.get(tick, self._last_lower)
-        link = self._imu.get(tick) or Turn(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
+        link = self._imu.get(tick) or AngleAndRate(lower.rad + joint.rad, lower.rad_s + joint.rad_s)
         above = NOTHING
         if self._shape is not None:
             above = carried_rigidly(self._shape, link.rad, link.rad_s)

@@ -15,7 +15,7 @@ from typing import Protocol
 from module_agent.firmware.controller import Candidate, Round, Vote
 
 
-class Numbered(Protocol):
+class HasIndex(Protocol):
     """What is known of the board: a `BoardConfig`, or that of a board without a body."""
 
     @property
@@ -27,7 +27,7 @@ class Numbered(Protocol):
 class MaxConsensus:
     """The election of one board, epoch after epoch."""
 
-    def __init__(self, config: Numbered) -> None:
+    def __init__(self, config: HasIndex) -> None:
         self.board = config.index
         self.best = self._own = Candidate(0.0, self.board)
 

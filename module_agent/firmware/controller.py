@@ -12,12 +12,12 @@ Rule 3: an answer follows from what was told so far. A controller that looks at 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from module_agent.firmware.body_view import BodySample, Turn
+from module_agent.firmware.body_view import AngleAndRate, BodySample
 from protocol.robot.states import FaultCode, State
 from protocol.wire.frames import Observation
 
 
-class Seen(NamedTuple):
+class ServoInput(NamedTuple):
     """What a servo is told in one tick; all but `observation` is one lumped delay old."""
 
     tick: int
@@ -30,7 +30,7 @@ class Seen(NamedTuple):
     """The paper's epsilon: from the reference while enabled, else from the value that is held."""
     rate_rad_s: float
     """Rate of what the error is of."""
-    controlled: Turn
+    controlled: AngleAndRate
     """The controlled variable alpha: `rad` and `rad_s`."""
     body: BodySample
     """Own `joint` and own `link` in space, and `supported`: mass and centre of mass of all that the
@@ -57,7 +57,7 @@ class FaultError(Exception):
 class Controller(Protocol):
     """A servo: torque from what a board knows."""
 
-    def torque_nm(self, seen: Seen) -> float:
+    def torque_nm(self, seen: ServoInput) -> float:
         """Torque on the joint, positive turns the link above forwards. Never called when unsafe."""
         ...
 

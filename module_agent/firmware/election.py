@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from module_agent.firmware.config import ElectionConfig
-from module_agent.firmware.consensus import MaxConsensus, Numbered
+from module_agent.firmware.consensus import HasIndex, MaxConsensus
 from module_agent.firmware.controller import Candidate, ElectionRule, Round
 from protocol.wire.frames import NO_EPOCH
 from protocol.wire.trace import Mark
@@ -39,7 +39,7 @@ class Gossip(NamedTuple):
     best: Candidate
 
 
-class Heard(NamedTuple):
+class HeardGossip(NamedTuple):
     """Gossip, and on which of the board's links it came."""
 
     link: int
@@ -72,7 +72,7 @@ class Election:
         self._complete = True
         self._playing = False
         self._played: int | None = None
-        self._heard: list[Heard] = []
+        self._heard: list[HeardGossip] = []
         self._listens_always = listens_always
         self._period_rounds = config.period_rounds
 
@@ -81,7 +81,7 @@ class Election:
         return self._playing or self._listens_always or round_ % self._period_rounds == 0
 
     def tick(
-        self, now: int, urgency: float, heard: Sequence[Heard], rostered: Sequence[int]
+        self, now: int, urgency: float, heard: Sequence[HeardGossip], rostered: Sequence[int]
     ) -> None:
         """Listen; in the first tick of round `now`, play it, and latch y if it was the last.
 
@@ -99,7 +99,7 @@ class Election:
         self._played = now
         self._heard = []
 
-    def relay(self, config: Numbered) -> None:
+    def relay(self, config: HasIndex) -> None:
         """Have no say any more, but pass on what others say: a chain is as wide as ever."""
         rule = MaxConsensus(config)
         rule.best = self.gossip.best
@@ -128,7 +128,7 @@ class Election:
         return marks
 
     def _play(
-        self, now: int, urgency: float, heard: Sequence[Heard], rostered: Sequence[int]
+        self, now: int, urgency: float, heard: Sequence[HeardGossip], rostered: Sequence[int]
     ) -> None:
         """Open an epoch, or play a round and latch y if it was the last."""
         epoch, number, _best = self.gossip

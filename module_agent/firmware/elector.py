@@ -16,7 +16,7 @@ from typing import NamedTuple
 from module_agent.firmware.config import ElectionConfig
 from module_agent.firmware.consensus import MaxConsensus
 from module_agent.firmware.controller import Candidate
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LinkModel
 from protocol.robot.chance import draw
@@ -150,12 +150,14 @@ class Elector:
         epoch, _, best = self.election.gossip
         return Ballot(epoch, self.urgency, best, self.learned_round, self._elected)
 
-    def _heard(self, tick: int) -> list[Heard]:
+    def _heard(self, tick: int) -> list[HeardGossip]:
         if tick == 0:
             return []
         there = _there(tick - 1)
         return [
-            Heard(link, Gossip(frame.epoch, frame.round, Candidate(frame.urgency, frame.candidate)))
+            HeardGossip(
+                link, Gossip(frame.epoch, frame.round, Candidate(frame.urgency, frame.candidate))
+            )
             for link, hearing in enumerate(self.hearings)
             for frame in hearing.take(tick, there)
         ]

@@ -14,7 +14,7 @@ from protocol.robot.scenario import Scenario
 from protocol.wire.enrolment import (
     EnrolmentReply,
     EnrolmentRequest,
-    Verdict,
+    EnrolmentVerdict,
     decode_reply,
     encode_enrolment,
 )
@@ -81,7 +81,7 @@ class Enrolling:
     def answer(self, payload: bytes) -> EnrolmentReply:
         """Read an answer. Raises `ProtocolError`, or `FinishedError` if it is a refusal."""
         answer = decode_reply(payload)
-        if answer.verdict != Verdict.ACCEPTED:
+        if answer.verdict != EnrolmentVerdict.ACCEPTED:
             raise FinishedError(refused(answer.verdict), f"refused: {answer.reason}")
         self._unanswered_since_s, self._patience_s = None, UNANSWERED_S
         return answer

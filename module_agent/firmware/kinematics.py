@@ -13,7 +13,7 @@ from typing import NamedTuple
 from protocol.robot.hardware import Link
 
 
-class Supported(NamedTuple):
+class CarriedMass(NamedTuple):
     """Everything above a joint as one mass, seen from that joint, in space."""
 
     mass_kg: float
@@ -34,10 +34,10 @@ class Supported(NamedTuple):
         return (self.x_m_s * self.y_m - self.x_m * self.y_m_s) / distance_squared
 
 
-NOTHING = Supported(0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING = CarriedMass(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def add_link(link: Link, angle_rad: float, rate_rad_s: float, above: Supported) -> Supported:
+def add_link(link: Link, angle_rad: float, rate_rad_s: float, above: CarriedMass) -> CarriedMass:
     """Lump a link with what it carries at its upper end; the result is seen from its lower end."""
     sine, cosine = sin(angle_rad), cos(angle_rad)
     own, carried = link.mass_kg, above.mass_kg
@@ -47,7 +47,7 @@ def add_link(link: Link, angle_rad: float, rate_rad_s: float, above: Supported) 
     across, along = cosine * rate_rad_s, -sine * rate_rad_s
     x_m_s = own * link.com_m * across + carried * (link.length_m * across + above.x_m_s)
     y_m_s = own * link.com_m * along + carried * (link.length_m * along + above.y_m_s)
-    return Supported(mass, x_m / mass, y_m / mass, x_m_s / mass, y_m_s / mass)
+    return CarriedMass(mass, x_m / mass, y_m / mass, x_m_s / mass, y_m_s / mass)
 
 
 class CarriedShape(NamedTuple):
@@ -58,7 +58,7 @@ class CarriedShape(NamedTuple):
     across_m: float
 
 
-def shape_of(above: Supported, angle_rad: float) -> CarriedShape:
+def shape_of(above: CarriedMass, angle_rad: float) -> CarriedShape:
     """Express what lies above in the frame of the link below it."""
     sine, cosine = sin(angle_rad), cos(angle_rad)
     return CarriedShape(
@@ -68,9 +68,9 @@ def shape_of(above: Supported, angle_rad: float) -> CarriedShape:
     )
 
 
-def carried_rigidly(shape: CarriedShape, angle_rad: float, rate_rad_s: float) -> Supported:
+def carried_rigidly(shape: CarriedShape, angle_rad: float, rate_rad_s: float) -> CarriedMass:
     """Turn a remembered shape with its link, as if it were bolted to it (S9)."""
     sine, cosine = sin(angle_rad), cos(angle_rad)
     x_m = shape.along_m * sine + shape.across_m * cosine
     y_m = shape.along_m * cosine - shape.across_m * sine
-    return Supported(shape.mass_kg, x_m, y_m, y_m * rate_rad_s, -x_m * rate_rad_s)
+    return CarriedMass(shape.mass_kg, x_m, y_m, y_m * rate_rad_s, -x_m * rate_rad_s)

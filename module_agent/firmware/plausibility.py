@@ -52,7 +52,7 @@ NEVER_TICKS = 10**9
 """Since the last good reading, before there was any: the first may be anywhere."""
 
 
-class Verdict(IntEnum):
+class ReadingVerdict(IntEnum):
     """What is wrong with a reading, the worst last."""
 
     FINE = 0
@@ -61,7 +61,7 @@ class Verdict(IntEnum):
     NONSENSE = 3
 
 
-FINE = Verdict.FINE
+FINE = ReadingVerdict.FINE
 
 
 class AngleSheet(NamedTuple):
@@ -102,7 +102,7 @@ class Angle:
         self._room_rad = -1.0
         """What may be passed without thinking: the slack, or nothing while there is a doubt."""
 
-    def judge(self, tick: int, rad: float, rad_s: float, witness: float) -> Verdict:
+    def judge(self, tick: int, rad: float, rad_s: float, witness: float) -> ReadingVerdict:
         """Judge the reading of a tick; to be called in every tick.
 
         A `witness` is a reading that cannot change while an exact angle stays the same to the bit.
@@ -131,7 +131,7 @@ class Angle:
         leaps = doubted and fabs(rad_s - self._rad_s) > self._leap_rad_s and not isnan(self._rad)
         verdict = self._considered(tick, rad, rad_s, witness, off_rad)
         if verdict is FINE and leaps:
-            verdict = Verdict.INCONSISTENT
+            verdict = ReadingVerdict.INCONSISTENT
         if verdict is FINE:
             self._room_rad, self._keeps = self._slack_rad, self._keeps_trusted
         return verdict
@@ -146,18 +146,18 @@ class Angle:
 
     def _considered(
         self, tick: int, rad: float, rad_s: float, witness: float, off_rad: float
-    ) -> Verdict:
+    ) -> ReadingVerdict:
         if not (-RAD_MAX <= rad <= RAD_MAX and -RAD_S_MAX <= rad_s <= RAD_S_MAX):
             self._rad = nan  # The next reading has nothing to be compared with.
-            return Verdict.NONSENSE
+            return ReadingVerdict.NONSENSE
         same = rad == self._rad
         self._off_rad = 0.0 if isnan(self._rad) else off_rad
         self._rad, self._rad_s = rad, rad_s
         reach_rad = self._jump_rad * self._ticks + self._slack_rad
         if fabs(self._off_rad) > self._slack_rad or fabs(rad - self._good_rad) > reach_rad:
-            return Verdict.INCONSISTENT
+            return ReadingVerdict.INCONSISTENT
         if same and self._stillness.stuck(tick, rad_s, witness):
-            return Verdict.STUCK
+            return ReadingVerdict.STUCK
         return FINE
 
 

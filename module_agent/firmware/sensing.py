@@ -11,8 +11,8 @@ Rule 4: after a gap a reading is not compared with the one before it: how the jo
         meanwhile is not known well enough to accuse a sensor.
 """
 
-from module_agent.firmware.body_view import UNKNOWN, OwnTurns, Turn
-from module_agent.firmware.plausibility import FINE, STUCK_RAD, Angle, AngleSheet, Verdict
+from module_agent.firmware.body_view import UNKNOWN, AngleAndRate, OwnAngles
+from module_agent.firmware.plausibility import FINE, STUCK_RAD, Angle, AngleSheet, ReadingVerdict
 from protocol.robot.sensors import EXACT, SensorSheet
 from protocol.wire.frames import NO_TICK, Observation
 
@@ -40,7 +40,7 @@ class Sensing:
         self.stuck_samples = 0
         self._joint = Angle(joint_sheet(sheet, uneven=uneven), tick_s=tick_s)
         self._imu = Angle(imu_sheet(sheet, uneven=uneven), tick_s=tick_s) if has_imu else None
-        self._last = OwnTurns(UNKNOWN, UNKNOWN)
+        self._last = OwnAngles(UNKNOWN, UNKNOWN)
         """The last good readings."""
         self._judged_tick = NO_TICK
         """The tick that the last reading was taken in."""
@@ -54,7 +54,7 @@ class Sensing:
         """Whether the readings are recent enough to drive on."""
         return self._held_ticks <= HOLD_TICKS_MAX
 
-    def read(self, observation: Observation) -> OwnTurns:
+    def read(self, observation: Observation) -> OwnAngles:
         """The readings of the tick that they were taken in, or those that stand in for them."""
         tick, now = observation.tick, observation.readings
         judged, self._judged_tick = self._judged_tick, tick
@@ -64,18 +64,18 @@ class Sensing:
             self._joint.skip()
             if self._imu is not None:
                 self._imu.skip()
-        joint = Turn(now.joint_rad, now.joint_rad_s)
-        imu = Turn(now.imu_rad, now.imu_rad_s)
+        joint = AngleAndRate(now.joint_rad, now.joint_rad_s)
+        imu = AngleAndRate(now.imu_rad, now.imu_rad_s)
         verdict = self._joint.judge(tick, joint[0], joint[1], now.joint_torque_nm)
         if self._imu is not None:
             verdict = max(verdict, self._imu.judge(tick, imu[0], imu[1], joint[0]))
         if verdict is FINE and self._held_ticks == 0:
-            self._last = OwnTurns(joint, imu)
+            self._last = OwnAngles(joint, imu)
         else:
-            self._doubt(verdict, OwnTurns(joint, imu))
+            self._doubt(verdict, OwnAngles(joint, imu))
         return self._last
 
-    def _doubt(self, verdict: Verdict, now: OwnTurns) -> None:
+    def _doubt(self, verdict: ReadingVerdict, now: OwnAngles) -> None:
         """Count what is wrong; hold, give up, or take the sensors back."""
         given_up = not self.safe
         if verdict is FINE:
@@ -91,9 +91,9 @@ class Sensing:
         else:
             self._held_ticks += 1
         match verdict:
-            case Verdict.NONSENSE:
+            case ReadingVerdict.NONSENSE:
                 self.implausible_samples += 1
-            case Verdict.INCONSISTENT:
+            case ReadingVerdict.INCONSISTENT:
                 self.inconsistent_samples += 1
             case _:
                 self.stuck_samples += 1

@@ -8,7 +8,7 @@ to the value held since it was disabled while it is not.
 """
 
 from module_agent.firmware.config import BoardConfig
-from module_agent.firmware.controller import Seen
+from module_agent.firmware.controller import ServoInput
 
 
 class Servo:
@@ -19,7 +19,7 @@ class Servo:
         self.tick_s = config.tick_s
         self.integral_rad_s = 0.0
 
-    def torque_nm(self, seen: Seen) -> float:
+    def torque_nm(self, seen: ServoInput) -> float:
         """Advance the integral by one tick and return the torque on the joint.
 
         The integral stands still while the torque is at its limit and the error would push it
@@ -61,7 +61,7 @@ class SlewingServo(Servo):
         self._change_nm_max = config.torque_rate_nm_s * config.tick_s
         self._asked_nm = 0.0
 
-    def torque_nm(self, seen: Seen) -> float:
+    def torque_nm(self, seen: ServoInput) -> float:
         """As `Servo.torque_nm`, but within reach of the last torque asked for."""
         before = self.integral_rad_s
         change = super().torque_nm(seen) - self._asked_nm

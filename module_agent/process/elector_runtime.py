@@ -50,7 +50,7 @@ def main() -> int:
         session = elector_session(rig, config.index, config.neighbours)
         with zenoh.open(zenoh.Config.from_json5(json.dumps(session))) as opened:
             try:
-                Runtime(opened, config, epochs=arguments.epochs).run()
+                ElectorRuntime(opened, config, epochs=arguments.epochs).run()
             finally:
                 ignore_signals()
     except zenoh.ZError as error:
@@ -64,7 +64,7 @@ def main() -> int:
     return ExitCode.OK
 
 
-class Runtime:
+class ElectorRuntime:
     """One process, from its session to the end of the last epoch."""
 
     def __init__(self, session: zenoh.Session, config: ElectorConfig, *, epochs: int) -> None:

@@ -15,7 +15,7 @@ from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.enrolling import FinishedError
 from module_agent.firmware.timing import BoardTiming
 from module_agent.process.membership import ASK_EVERY_S, TELL_AFTER_S, Membership
-from module_agent.process.network import LockstepInbox, Network
+from module_agent.process.network import BoardNetwork, LockstepInbox
 from module_agent.process.watchdog import Watchdog
 from protocol.process.exit_codes import ExitCode
 from protocol.process.machine import EffortMeter, clock_id
@@ -32,12 +32,12 @@ LOOK_AGAIN_S_MAX = 5e-3
 """How often a board with an observation looks for a neighbour's frame that is not here yet."""
 
 
-class LockstepLoop:
+class BoardLockstepLoop:
     """One board process, from its place on the network to the end of the run."""
 
     def __init__(
         self,
-        network: Network,
+        network: BoardNetwork,
         inbox: LockstepInbox,
         config: BoardConfig,
         scenario: Scenario,
@@ -56,7 +56,7 @@ class LockstepLoop:
         self._early: bytes | None = None
         self._rounds = 0
 
-    def move(self, network: Network, inbox: LockstepInbox, trouble: str | None) -> None:
+    def move(self, network: BoardNetwork, inbox: LockstepInbox, trouble: str | None) -> None:
         """Go on from another place on the network."""
         self.inbox = inbox
         self.member.move(network, trouble)

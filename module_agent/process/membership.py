@@ -1,7 +1,7 @@
 """A board's membership in a run: it asks to be let in, hears of the end, and begins anew.
 
-What a board does between is up to a loop (`Loop`): one that waits for each tick's observation, or
-one that wakes up by its own clock.
+What a board does in between is up to a loop (`MemberLoop`): one that waits for each tick's
+observation, or one that wakes up by its own clock.
 """
 
 import math
@@ -14,12 +14,12 @@ import zenoh
 from module_agent.firmware.board import Actuation, Board
 from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.enrolling import Enrolling, FinishedError
-from module_agent.process.network import END, MATCHING, REPLY, Event, Network
+from module_agent.process.network import END, MATCHING, REPLY, BoardNetwork, Event
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.scenario import Scenario
 from protocol.robot.states import State, entered
 from protocol.wire.enrolment import EnrolmentReply
-from protocol.wire.frames import End, Observation, ProtocolError, Stalled, decode, encode
+from protocol.wire.frames import End, Observation, ProtocolError, StallReport, decode, encode
 from protocol.wire.storms import Refused, Storms
 from protocol.wire.wiring import Rig
 
@@ -30,7 +30,7 @@ TELL_AFTER_S = 0.5
 """A wait shorter than this is not worth a line."""
 
 
-class Loop(Protocol):
+class MemberLoop(Protocol):
     """What drives a board while it is a member."""
 
     def begins_anew(self, board: Board, answer: EnrolmentReply) -> bool:
@@ -62,8 +62,8 @@ class Membership:
 
     def __init__(
         self,
-        loop: Loop,
-        network: Network,
+        loop: MemberLoop,
+        network: BoardNetwork,
         config: BoardConfig,
         scenario: Scenario,
         rig: Rig,
@@ -95,7 +95,7 @@ class Membership:
         """Whether the board has begun."""
         return self.board is not None and self.board.next_tick is not None
 
-    def move(self, network: Network, trouble: str | None) -> None:
+    def move(self, network: BoardNetwork, trouble: str | None) -> None:
         """Go on from another place on the network."""
         self.network, self.trouble = network, trouble
         self.waiting_since_s = time.monotonic()
@@ -175,7 +175,9 @@ class Membership:
 
     def report_stall(self, board: Board, tick: int, sender: int) -> None:
         """Tell the plant whose frame is not there; it decides what to do about it (S6)."""
-        self.network.report_stall(encode(Stalled(board.run_id, board.incarnation, tick, sender)))
+        self.network.report_stall(
+            encode(StallReport(board.run_id, board.incarnation, tick, sender))
+        )
 
     def report_stuck(self, where: str, pending: Observation | None) -> None:
         """Say, from another thread, that this board does not come back from something."""

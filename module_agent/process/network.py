@@ -76,7 +76,7 @@ class LockstepInbox:
             frames.clear()
 
 
-class Network:
+class BoardNetwork:
     """Publishers and subscribers of one board."""
 
     def __init__(

@@ -25,7 +25,7 @@ from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.enrolling import FinishedError
 from module_agent.firmware.own_time.cycle import Cycle
 from module_agent.process.membership import ASK_EVERY_S, Membership
-from module_agent.process.network import Event, Network
+from module_agent.process.network import BoardNetwork, Event
 from module_agent.process.watchdog import Watchdog
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.scenario import Scenario
@@ -87,12 +87,12 @@ class OwnTimeInbox:
         self.arrived.clear()
 
 
-class OwnTimeLoop:
+class BoardOwnTimeLoop:
     """One board process in realtime, from its place on the network to the end of the run."""
 
     def __init__(
         self,
-        network: Network,
+        network: BoardNetwork,
         inbox: OwnTimeInbox,
         config: BoardConfig,
         scenario: Scenario,
@@ -107,7 +107,7 @@ class OwnTimeLoop:
         self._asked_ns = self._observed_ns = inbox.now_ns()
         self._rounds = 0
 
-    def move(self, network: Network, inbox: OwnTimeInbox, trouble: str | None) -> None:
+    def move(self, network: BoardNetwork, inbox: OwnTimeInbox, trouble: str | None) -> None:
         """Go on from another place on the network."""
         self.inbox = inbox
         self.member.move(network, trouble)

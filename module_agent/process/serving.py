@@ -10,9 +10,9 @@ import zenoh
 from module_agent.custom import sandbox
 from module_agent.firmware.config import BoardConfig, board_config
 from module_agent.firmware.enrolling import FinishedError, UnansweredError
-from module_agent.process.lockstep import LockstepLoop
-from module_agent.process.network import LockstepInbox, Network
-from module_agent.process.own_time import OwnTimeInbox, OwnTimeLoop
+from module_agent.process.lockstep import BoardLockstepLoop
+from module_agent.process.network import BoardNetwork, LockstepInbox
+from module_agent.process.own_time import BoardOwnTimeLoop, OwnTimeInbox
 from protocol.process.exit_codes import ExitCode
 from protocol.process.stopping import ignore_signals, restarted_when_stuck
 from protocol.robot.scenario import Scenario
@@ -39,7 +39,7 @@ def serve(joint: str, scenario: Scenario) -> int:
 def _live(config: BoardConfig, scenario: Scenario, rig: Rig) -> NoReturn:
     """Play the board's part, in one session after another if the plant does not answer."""
     boot = int.from_bytes(os.urandom(8), "little") >> 1
-    loop: LockstepLoop | OwnTimeLoop | None = None
+    loop: BoardLockstepLoop | BoardOwnTimeLoop | None = None
     while True:
         with restarted_when_stuck():
             session, trouble = _join(config, rig)
@@ -55,7 +55,7 @@ def _live(config: BoardConfig, scenario: Scenario, rig: Rig) -> NoReturn:
 
 
 def _placed(
-    loop: LockstepLoop | OwnTimeLoop | None,
+    loop: BoardLockstepLoop | BoardOwnTimeLoop | None,
     session: zenoh.Session,
     config: BoardConfig,
     scenario: Scenario,
@@ -63,23 +63,23 @@ def _placed(
     *,
     boot: int,
     trouble: str | None,
-) -> LockstepLoop | OwnTimeLoop:
+) -> BoardLockstepLoop | BoardOwnTimeLoop:
     """The loop of this board at its place in a session: the one that it has had, or its first."""
     if config.cadence is None:
         inbox = LockstepInbox(len(config.neighbours))
         with restarted_when_stuck():
-            network = Network(session, inbox, config, rig=rig.name, boot=boot)
-        if isinstance(loop, LockstepLoop):
+            network = BoardNetwork(session, inbox, config, rig=rig.name, boot=boot)
+        if isinstance(loop, BoardLockstepLoop):
             loop.move(network, inbox, trouble)
             return loop
-        return LockstepLoop(network, inbox, config, scenario, rig, trouble=trouble)
+        return BoardLockstepLoop(network, inbox, config, scenario, rig, trouble=trouble)
     own_inbox = OwnTimeInbox(config)
     with restarted_when_stuck():
-        network = Network(session, own_inbox, config, rig=rig.name, boot=boot)
-    if isinstance(loop, OwnTimeLoop):
+        network = BoardNetwork(session, own_inbox, config, rig=rig.name, boot=boot)
+    if isinstance(loop, BoardOwnTimeLoop):
         loop.move(network, own_inbox, trouble)
         return loop
-    return OwnTimeLoop(network, own_inbox, config, scenario, rig, trouble=trouble)
+    return BoardOwnTimeLoop(network, own_inbox, config, scenario, rig, trouble=trouble)
 
 
 def _join(config: BoardConfig, rig: Rig) -> tuple[zenoh.Session, str | None]:

@@ -11,16 +11,16 @@ from queue import Empty
 import zenoh
 
 from plant_server.process.console import Console
-from plant_server.process.network import ALIVE, CONTROL, ENROL, FAULT, STALLED, Event, Network
+from plant_server.process.network import ALIVE, CONTROL, ENROL, FAULT, STALLED, Event, PlantNetwork
 from plant_server.session import control
 from plant_server.session.enrolment import Enrolment
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.lockstep import Lockstep
-from plant_server.session.watch import ENROLMENT_REQUESTS, Watch
+from plant_server.session.watch import ENROLMENT_REQUESTS, PlantWatch
 from plant_server.spool.recorder import Recorder
 from protocol.wire import keys
-from protocol.wire.enrolment import Verdict, decode_request, encode_enrolment
-from protocol.wire.frames import End, ProtocolError, Stalled, decode, encode, shortened
+from protocol.wire.enrolment import EnrolmentVerdict, decode_request, encode_enrolment
+from protocol.wire.frames import End, ProtocolError, StallReport, decode, encode, shortened
 
 TELL_AFTER_S = 0.5
 """A wait shorter than this is not worth a line."""
@@ -32,7 +32,7 @@ class BoardProcesses:
 
     def __init__(
         self,
-        network: Network,
+        network: PlantNetwork,
         enrolment: Enrolment,
         driver: Lockstep | FreeRunning,
         console: Console,
@@ -44,7 +44,7 @@ class BoardProcesses:
         self.console = console
         self.recorder = recorder
         self.joints = enrolment.joints
-        self.watch = Watch(self.joints)
+        self.watch = PlantWatch(self.joints)
         self.answered_ns = [0] * len(self.joints)
         """When the torque frame of each board was taken in this tick; 0: none was."""
         self._unplugging: int | None = None
@@ -125,10 +125,10 @@ class BoardProcesses:
         else:
             self._keep_trace(content)
 
-    def stalled(self, sample: zenoh.Sample) -> Stalled | None:
+    def stalled(self, sample: zenoh.Sample) -> StallReport | None:
         """Read what a board says that cannot go on; None, and counted, if it cannot be read."""
         try:
-            return decode(Stalled, sample.payload.to_bytes())
+            return decode(StallReport, sample.payload.to_bytes())
         except ProtocolError as error:
             self.watch.count(f"reports of {keys.joint_of(str(sample.key_expr))}", error.reason)
             return None
@@ -156,7 +156,7 @@ class BoardProcesses:
                 self.watch.count(ENROLMENT_REQUESTS, error.reason)
                 return
             reply = self.enrolment.decide(request)
-            if reply.verdict != Verdict.ACCEPTED:
+            if reply.verdict != EnrolmentVerdict.ACCEPTED:
                 self.console.tell(f"refused a board for {request.joint}: {reply.reason}")
             else:
                 board = self.joints.index(request.joint)

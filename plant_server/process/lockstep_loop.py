@@ -14,7 +14,7 @@ from plant_server.process.board_processes import BoardProcesses
 from plant_server.process.network import STALLED, Event
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.pace import Pace
-from plant_server.session.record import Walls
+from plant_server.session.record import TickWallTimes
 from protocol.process.stopping import undisturbed
 from protocol.robot.events import Plug, Unplug
 from protocol.wire.wiring import neighbours
@@ -22,7 +22,7 @@ from protocol.wire.wiring import neighbours
 STALL_AFTER_S = 1.0
 
 
-class LockstepLoop:
+class PlantLockstepLoop:
     """Plays a plant that waits for its boards."""
 
     def __init__(
@@ -96,7 +96,7 @@ class LockstepLoop:
                 self._lose_patience()
             boards.look_for_storms()
         self._starved.clear()
-        walls = Walls(opened_ns, tuple(boards.answered_ns), time.monotonic_ns())
+        walls = TickWallTimes(opened_ns, tuple(boards.answered_ns), time.monotonic_ns())
         with undisturbed:  # A body that is half way to the next tick is no ending.
             record = lockstep.close()
             if self._recorder is not None:

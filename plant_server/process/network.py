@@ -22,7 +22,7 @@ Event = tuple[int, Any]
 """A kind, and what the network brought of it."""
 
 
-class Network:
+class PlantNetwork:
     """Publishers, subscribers and queryables of one plant.
 
     It listens to boards' reports only if it `records`, and to their traces only `in_realtime`.

@@ -11,7 +11,7 @@ import time
 from plant_server.process.board_processes import BoardProcesses
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
-from plant_server.session.record import Walls
+from plant_server.session.record import TickWallTimes
 from plant_server.spool.spool import PLANT
 from protocol.process.stopping import undisturbed
 from protocol.robot.events import Plug, StaleTorque, Unplug
@@ -19,7 +19,7 @@ from protocol.robot.events import Plug, StaleTorque, Unplug
 COMPLAIN_EVERY_S = 1.0
 
 
-class RealtimeLoop:
+class PlantRealtimeLoop:
     """Plays a plant that waits for nobody but the wall clock."""
 
     def __init__(self, running: FreeRunning, boards: BoardProcesses, *, pace: Pace) -> None:
@@ -74,7 +74,7 @@ class RealtimeLoop:
         opened_ns = time.monotonic_ns()
         for board, payload in running.open():
             self._network.observe(board, payload)
-        walls = Walls(opened_ns, tuple(boards.answered_ns), time.monotonic_ns())
+        walls = TickWallTimes(opened_ns, tuple(boards.answered_ns), time.monotonic_ns())
         boards.answered_ns = [0] * len(boards.joints)
         with undisturbed:  # A body that is half way to the next tick is no ending.
             record = running.close()

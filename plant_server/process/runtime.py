@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from plant_server.process.board_processes import BoardProcesses
 from plant_server.process.console import Console
-from plant_server.process.lockstep_loop import LockstepLoop
-from plant_server.process.network import Network
-from plant_server.process.realtime_loop import RealtimeLoop
+from plant_server.process.lockstep_loop import PlantLockstepLoop
+from plant_server.process.network import PlantNetwork
+from plant_server.process.realtime_loop import PlantRealtimeLoop
 from plant_server.session.config import plant_config
 from plant_server.session.enrolment import Enrolment
 from plant_server.session.free_running import FreeRunning
@@ -27,7 +27,7 @@ HURRIED_S = 0.5
 """The same when it was stopped: a board may be frozen, and somebody is waiting for the end."""
 
 
-class Options(NamedTuple):
+class PlantOptions(NamedTuple):
     """How a plant process is to behave, as its command line says."""
 
     spool: Path | None
@@ -40,10 +40,10 @@ class Options(NamedTuple):
     """Seconds of the body in a second of the wall; None: what the scenario says."""
 
 
-class Runtime:
+class PlantRuntime:
     """One plant process, from its place on the network to the end of the run."""
 
-    def __init__(self, boards: BoardProcesses, loop: LockstepLoop | RealtimeLoop) -> None:
+    def __init__(self, boards: BoardProcesses, loop: PlantLockstepLoop | PlantRealtimeLoop) -> None:
         self.boards = boards
         self.loop = loop
         self.plant = boards.driver.plant
@@ -93,8 +93,8 @@ class Runtime:
 
 
 def assemble(
-    network: Network, scenario: Scenario, options: Options, writer: SpoolWriter | None
-) -> Runtime:
+    network: PlantNetwork, scenario: Scenario, options: PlantOptions, writer: SpoolWriter | None
+) -> PlantRuntime:
     """Put together the process that a scenario and the command line ask for."""
     config = plant_config(scenario)
     enrolment = Enrolment(rig=network.rig, joints=scenario.joints, digest=scenario.digest)
@@ -107,9 +107,9 @@ def assemble(
         boards = BoardProcesses(network, enrolment, lockstep, console, recorder)
         paced = None if pace is None else Pace(tick_s=config.tick_s, pace=pace)
         patience_s = options.patience_s
-        loop = LockstepLoop(lockstep, boards, patience_s=patience_s, pace=paced)
-        return Runtime(boards, loop)
+        loop = PlantLockstepLoop(lockstep, boards, patience_s=patience_s, pace=paced)
+        return PlantRuntime(boards, loop)
     running = FreeRunning(plant)
     boards = BoardProcesses(network, enrolment, running, console, recorder)
     realtime = Pace(tick_s=config.tick_s, pace=pace or 1.0)
-    return Runtime(boards, RealtimeLoop(running, boards, pace=realtime))
+    return PlantRuntime(boards, PlantRealtimeLoop(running, boards, pace=realtime))

@@ -2,10 +2,10 @@
 
 from plant_server.body.body import Body
 from plant_server.session.config import PlantConfig
-from plant_server.session.record import Undriven
+from plant_server.session.record import UndrivenJoint
 from plant_server.session.roster import Roster
 from protocol.robot.events import EnergyLoss
-from protocol.robot.hardware import Unattended
+from protocol.robot.hardware import UnattendedJoint
 from protocol.robot.states import State
 from protocol.wire.frames import TorqueFrame
 
@@ -37,19 +37,21 @@ class Attendance:
         if self.undriven_since[board] is None:
             self.undriven_since[board] = tick
         match self.config.unattended[board]:
-            case Unattended(how="braked"):
+            case UnattendedJoint(how="braked"):
                 return EnergyLoss(board, self.body.brake(board))
-            case Unattended(how="passive", stiffness_nm_rad=stiffness, damping_nm_s_rad=damping):
+            case UnattendedJoint(
+                how="passive", stiffness_nm_rad=stiffness, damping_nm_s_rad=damping
+            ):
                 self.body.make_passive(board, stiffness, damping)
             case _:
                 self.body.release(board)
         return None
 
-    def undriven(self, roster: Roster) -> tuple[Undriven, ...]:
+    def undriven(self, roster: Roster) -> tuple[UndrivenJoint, ...]:
         """Joints that nobody drives."""
         config = self.config
         return tuple(
-            Undriven(config.joints[i], since_tick, config.unattended[i].how, roster.present(i))
+            UndrivenJoint(config.joints[i], since_tick, config.unattended[i].how, roster.present(i))
             for i, since_tick in enumerate(self.undriven_since)
             if since_tick is not None
         )

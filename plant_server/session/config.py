@@ -13,7 +13,7 @@ from protocol.robot.hardware import (
     Link,
     MotorSheet,
     PassiveElement,
-    Unattended,
+    UnattendedJoint,
 )
 from protocol.robot.scenario import Scenario
 from protocol.robot.sensors import SensorName, SensorSheet
@@ -29,7 +29,7 @@ class PlantConfig(NamedTuple):
     initial_angles_rad: tuple[float, ...]
     torque_limits_nm: tuple[float, ...]
     references_rad: tuple[float, ...]
-    unattended: tuple[Unattended, ...]
+    unattended: tuple[UnattendedJoint, ...]
     standing_links: dict[tuple[int, int], LinkParameters]
     """Parameters, other than perfect ones, of directed links (sender, receiver)."""
     events: tuple[tuple[int, Command], ...]

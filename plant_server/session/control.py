@@ -11,7 +11,7 @@ from zlib import compress
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.lockstep import Lockstep
 from plant_server.session.plant import Plant
-from plant_server.session.watch import Watch
+from plant_server.session.watch import PlantWatch
 from protocol.robot.events import (
     PERFECT,
     Command,
@@ -37,7 +37,10 @@ of a link is that long."""
 
 
 def answer(
-    driver: Lockstep | FreeRunning, joints: list[str], payload: bytes, watch: Watch | None = None
+    driver: Lockstep | FreeRunning,
+    joints: list[str],
+    payload: bytes,
+    watch: PlantWatch | None = None,
 ) -> bytes:
     """Answer a request `[version, "status"]` or `[version, command]` with a JSON object."""
     reply: dict[str, Any]
@@ -46,7 +49,7 @@ def answer(
         if version != VERSION:
             reply = {"refused": f"this plant speaks version {VERSION}, not {str(version)[:20]}"}
         elif request == STATUS:
-            reply = status(driver, watch or Watch(joints))
+            reply = status(driver, watch or PlantWatch(joints))
         else:
             command = command_of(json.loads(request))
             check_event(command, joints)
@@ -56,7 +59,7 @@ def answer(
     return compress(json.dumps(reply).encode())
 
 
-def status(driver: Lockstep | FreeRunning, watch: Watch) -> dict[str, Any]:
+def status(driver: Lockstep | FreeRunning, watch: PlantWatch) -> dict[str, Any]:
     """How the robot is, in words and numbers."""
     plant, joints = driver.plant, watch.joints
     waiting_for = driver.waiting_for if isinstance(driver, Lockstep) else []
@@ -117,7 +120,7 @@ def _realtime(running: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
     ]
 
 
-def _board(plant: Plant, watch: Watch, board: int) -> dict[str, Any]:
+def _board(plant: Plant, watch: PlantWatch, board: int) -> dict[str, Any]:
     latest, failure = plant.latest[board], plant.telemetry.failures[board]
     about: dict[str, Any] = {
         "joint": watch.joints[board],
@@ -135,7 +138,7 @@ def _board(plant: Plant, watch: Watch, board: int) -> dict[str, Any]:
     return about
 
 
-def _state(plant: Plant, watch: Watch, board: int) -> str:
+def _state(plant: Plant, watch: PlantWatch, board: int) -> str:
     """A firmware state by its name, or "absent": nobody is there, as far as the plant knows."""
     latest = plant.latest[board]
     if latest is not None:

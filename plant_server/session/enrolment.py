@@ -10,7 +10,7 @@ Rule 4: boards that outlived the plant before this one tell in which run they we
 from dataclasses import dataclass
 
 from protocol.robot.scenario import next_run_id, run_id
-from protocol.wire.enrolment import EnrolmentReply, EnrolmentRequest, Verdict
+from protocol.wire.enrolment import EnrolmentReply, EnrolmentRequest, EnrolmentVerdict
 from protocol.wire.frames import VERSION
 from protocol.wire.wiring import neighbours
 
@@ -54,7 +54,7 @@ class Enrolment:
         """Let a board in, or say why not. Asking again changes nothing but `links_up`."""
         verdict, reason = self._verdict(request)
         incarnation = 0
-        if verdict is Verdict.ACCEPTED:
+        if verdict is EnrolmentVerdict.ACCEPTED:
             seat = self.seats[self.joints.index(request.joint)]
             if seat.boot != request.boot:
                 seat.incarnation += 1
@@ -94,28 +94,28 @@ class Enrolment:
         link = neighbours(sender, len(self.joints)).index(receiver)
         return bool(self.seats[sender].links_up >> link & 1)
 
-    def _verdict(self, request: EnrolmentRequest) -> tuple[Verdict, str]:
+    def _verdict(self, request: EnrolmentRequest) -> tuple[EnrolmentVerdict, str]:
         if request.version != VERSION:
-            return Verdict.WRONG_VERSION, (
+            return EnrolmentVerdict.WRONG_VERSION, (
                 f"the board speaks version {request.version}, the plant version {VERSION}"
             )
         if request.rig != self.rig:
-            return Verdict.WRONG_RIG, (
+            return EnrolmentVerdict.WRONG_RIG, (
                 f"the board belongs to rig {request.rig!r}, the plant to rig {self.rig!r}"
             )
         if request.joint not in self.joints:
-            return Verdict.UNKNOWN_JOINT, (
+            return EnrolmentVerdict.UNKNOWN_JOINT, (
                 f"the board is for joint {request.joint!r}, the body has {', '.join(self.joints)}"
             )
         if request.scenario_digest != self.digest:
-            return Verdict.OTHER_SCENARIO, (
+            return EnrolmentVerdict.OTHER_SCENARIO, (
                 f"the board was started with scenario {request.scenario_digest.hex()[:12]},"
                 f" the plant with {self.digest.hex()[:12]}; give both the same file and settings"
             )
         holder = self.seats[self.joints.index(request.joint)].boot
         if holder is not None and holder != request.boot:
-            return Verdict.JOINT_TAKEN, (
+            return EnrolmentVerdict.JOINT_TAKEN, (
                 f"{request.joint} has a board already, boot {holder:016x};"
                 f" this is {request.boot:016x}"
             )
-        return Verdict.ACCEPTED, ""
+        return EnrolmentVerdict.ACCEPTED, ""

@@ -31,7 +31,7 @@ from protocol.wire.trace_differences import decode_told
 
 
 @dataclass(slots=True)
-class Tally:
+class RealtimeAccount:
     """How a board keeps its deadlines, by what it has told so far."""
 
     periods: int = 0
@@ -52,7 +52,7 @@ class FreeRunning:
         """Ticks in which a board's torque was too old to be applied."""
         self.said_ticks = [0] * plant.size
         """From when on the torque in force of each board ages."""
-        self.tallies = [Tally() for _ in range(plant.size)]
+        self.tallies = [RealtimeAccount() for _ in range(plant.size)]
         self._in_force: list[bytes] = [b""] * plant.size
         self._stale = [False] * plant.size
 

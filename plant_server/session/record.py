@@ -23,7 +23,7 @@ class TickRecord(NamedTuple):
     """Commands that took effect, boards that came, went and failed, verdicts."""
 
 
-class Walls(NamedTuple):
+class TickWallTimes(NamedTuple):
     """When a tick happened, on the monotonic clock of the plant's machine."""
 
     opened_ns: int
@@ -34,7 +34,7 @@ class Walls(NamedTuple):
     """After the last answer, before the body moved on."""
 
 
-class Undriven(NamedTuple):
+class UndrivenJoint(NamedTuple):
     """A joint that nobody drove when the run ended."""
 
     joint: str
@@ -55,7 +55,7 @@ class Outcome(NamedTuple):
     """`COMPLETE`, `FELL`, `STOPPED`, or why else it was cut short."""
     wall_s: float
     """Wall time from the release of the body to the end."""
-    undriven: tuple[Undriven, ...] = ()
+    undriven: tuple[UndrivenJoint, ...] = ()
 
 
 def fall_line(outcome: Outcome, tick_s: float) -> str:

@@ -14,7 +14,7 @@ from protocol.wire.storms import Storm, Storms
 ENROLMENT_REQUESTS = "enrolment requests"
 
 
-class Watch:
+class PlantWatch:
     """Of one plant process."""
 
     def __init__(self, joints: list[str]) -> None:

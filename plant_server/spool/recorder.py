@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from plant_server.session.enrolment import Enrolment
-from plant_server.session.record import Outcome, TickRecord, Walls
+from plant_server.session.record import Outcome, TickRecord, TickWallTimes
 from plant_server.spool.spool import SpoolWriter
 from protocol.process.stopping import undisturbed
 from protocol.wire.frames import NO_TICK, ProtocolError, Reason, Report, receive
@@ -26,12 +26,12 @@ class Recorder:
         """Reports that were not of this run, of these boards, or of a tick to be told of."""
         self._writer = writer
         self._enrolment = enrolment
-        self._unwritten: list[tuple[TickRecord, Walls]] = []
+        self._unwritten: list[tuple[TickRecord, TickWallTimes]] = []
         self._open_tick = NO_TICK
         self._told_ticks: dict[tuple[type[Report], int], int] = {}
         """The last tick of which each board has told, in each kind of report."""
 
-    def keep(self, record: TickRecord, walls: Walls) -> None:
+    def keep(self, record: TickRecord, walls: TickWallTimes) -> None:
         """Take a tick that is over, to write it when there is time."""
         self._unwritten.append((record, walls))
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Self
 
 import msgpack
 
-from plant_server.session.record import Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import Outcome, TickRecord, TickWallTimes, UndrivenJoint
 from plant_server.spool.chunks import ChunkWriter, read_chunks
 from protocol.process.machine import EffortMeter
 from protocol.robot.canonical_json import canonical_json
@@ -88,7 +88,7 @@ class SpoolWriter:
         """Keep what a board has told of its own time, as it came; of `PLANT`, its account."""
         self._chunks.put(self._pack((_REALTIME, board, told)))
 
-    def append(self, record: TickRecord, walls: Walls | None) -> None:
+    def append(self, record: TickRecord, walls: TickWallTimes | None) -> None:
         """Keep one tick; in the twin it has no wall times."""
         if self._chunks.trouble is None:
             self._chunks.put(self._pack((_TICK, *record, walls)))
@@ -121,7 +121,7 @@ class Spool(NamedTuple):
     facts: dict[str, Any]
     """Machine, versions, mode, numeric fingerprint; at the end the plant's own effort."""
     ticks: list[TickRecord]
-    walls: list[Walls | None]
+    walls: list[TickWallTimes | None]
     """One for each tick; None where no clock was read, as in the twin."""
     reports: list[tuple[int, Report]]
     """Boards, and what they told for the recording, in the order in which the plant received it.
@@ -154,7 +154,7 @@ def read_spool(path: Path) -> Spool:
     scenario: Scenario | None = None
     facts: dict[str, Any] = {}
     ticks: list[TickRecord] = []
-    walls: list[Walls | None] = []
+    walls: list[TickWallTimes | None] = []
     reports: list[tuple[int, Report]] = []
     realtime: list[tuple[int, Any]] = []
     outcome: Outcome | None = None
@@ -171,13 +171,15 @@ def read_spool(path: Path) -> Spool:
                     tuple(map(event_of, events)),
                 )
             )
-            walls.append(None if times is None else Walls(times[0], tuple(times[1]), times[2]))
+            walls.append(
+                None if times is None else TickWallTimes(times[0], tuple(times[1]), times[2])
+            )
         elif kind == _REPORT:
             board, payload = fields
             reports.append((board, decode_report(payload)))
         elif kind == _OUTCOME:
             tick, angles, rates, ending, wall_s, undriven = fields
-            joints = tuple(Undriven(*joint) for joint in undriven)
+            joints = tuple(UndrivenJoint(*joint) for joint in undriven)
             outcome = Outcome(tick, tuple(angles), tuple(rates), ending, wall_s, joints)
         elif kind == _FACTS:
             facts |= json.loads(fields[0])

@@ -28,7 +28,7 @@ class StoppedError(BaseException):
     """
 
 
-class Undisturbed:
+class StopsHeld:
     """Keeps a stop waiting; a context, for the main thread, not to be entered twice."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Undisturbed:
         self._stopped = True
 
 
-undisturbed = Undisturbed()
+undisturbed = StopsHeld()
 """The one of this process."""
 
 

@@ -73,7 +73,7 @@ class MotorSheet(Struct, frozen=True, forbid_unknown_fields=True):
         return self.torque_rate_nm_s is None and self.torque_step_nm == self.lag_s == 0.0
 
 
-class Unattended(Struct, frozen=True, forbid_unknown_fields=True):
+class UnattendedJoint(Struct, frozen=True, forbid_unknown_fields=True):
     """What a joint without a board does (S17)."""
 
     how: Literal["limp", "braked", "passive"]

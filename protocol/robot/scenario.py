@@ -44,7 +44,7 @@ from protocol.robot.hardware import (
     Positive,
     ServoGains,
     Ticks,
-    Unattended,
+    UnattendedJoint,
 )
 from protocol.robot.sensors import SensorName, SensorSheet, sensors_of
 
@@ -182,7 +182,7 @@ class BoardSettings(
     controller: OutsideClass | None
     """A servo from outside; None: ours."""
     servo: ServoGains
-    unattended: Unattended
+    unattended: UnattendedJoint
     link: Link
     clock: ClockSheet
     sensors: SensorSheet

@@ -26,7 +26,7 @@ from protocol.wire.frames import (
 )
 
 
-class Verdict(IntEnum):
+class EnrolmentVerdict(IntEnum):
     """The plant's answer. A board that is refused exits with 10 + this number."""
 
     ACCEPTED = 0

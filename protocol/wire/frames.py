@@ -248,7 +248,7 @@ class End(NamedTuple):
     reason: Annotated[str, field("why the run is over, for the user")]
 
 
-class Stalled(NamedTuple):
+class StallReport(NamedTuple):
     """Board to plant: it cannot tick, because a neighbour's frame is not there (S6)."""
 
     run_id: RunId
@@ -289,7 +289,9 @@ class Fault(NamedTuple):
     ]
 
 
-AnyFrame = Observation | LinkFrame | TorqueFrame | End | Stalled | Timing | Fault | Trace | LastWord
+AnyFrame = (
+    Observation | LinkFrame | TorqueFrame | End | StallReport | Timing | Fault | Trace | LastWord
+)
 Frame = TypeVar("Frame", bound=AnyFrame)
 
 KINDS: dict[type, int] = {
@@ -297,7 +299,7 @@ KINDS: dict[type, int] = {
     LinkFrame: 2,
     TorqueFrame: 3,
     End: 4,
-    Stalled: 5,
+    StallReport: 5,
     Timing: 6,
     Fault: 7,
     Trace: 8,

@@ -29,7 +29,7 @@ class Mark(IntFlag):
     """It came too late to stand for an epoch."""
 
 
-class Taken(NamedTuple):
+class TakenFrames(NamedTuple):
     """Which frames of a neighbour a period was played with, faults of the link aside."""
 
     newest_tick: Annotated[
@@ -45,7 +45,7 @@ class Taken(NamedTuple):
     ]
 
 
-class Lived(NamedTuple):
+class TickTrace(NamedTuple):
     """One tick of a board."""
 
     slot: Annotated[
@@ -77,7 +77,7 @@ class Lived(NamedTuple):
             " epoch"
         ),
     ]
-    taken: Annotated[tuple[Taken, ...], field("per neighbour, which of its frames were used")]
+    taken: Annotated[tuple[TakenFrames, ...], field("per neighbour, which of its frames were used")]
 
 
 class Trace(NamedTuple):
@@ -85,7 +85,7 @@ class Trace(NamedTuple):
 
     run_id: Annotated[int, field("the run, as granted at enrolment")]
     incarnation: Annotated[int, field("of the sender")]
-    lived: Annotated[tuple[Lived, ...], field("slots played, at least one, in order")]
+    lived: Annotated[tuple[TickTrace, ...], field("slots played, at least one, in order")]
 
 
 class LastWord(NamedTuple):

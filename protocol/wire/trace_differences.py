@@ -20,7 +20,7 @@ from protocol.wire.frames import (
     encode,
     kind_of,
 )
-from protocol.wire.trace import LINKS_MAX, LastWord, Lived, Taken, Trace
+from protocol.wire.trace import LINKS_MAX, LastWord, TakenFrames, TickTrace, Trace
 
 HEAD_BYTES_MAX = 3 + 1 + 9 + 9 + 3
 BODY_BYTES_MAX = FRAME_BYTES_MAX - CRC_BYTES - HEAD_BYTES_MAX
@@ -37,10 +37,10 @@ class TraceWriter:
         self.run_id, self.incarnation = run_id, incarnation
         self._start = _start(links)
         self._before = self._start
-        self._differences: list[Lived] = []
+        self._differences: list[TickTrace] = []
         self._bytes = 0
 
-    def add(self, lived: Lived) -> bytes | None:
+    def add(self, lived: TickTrace) -> bytes | None:
         """Take a tick; return a frame with those before it when there is no room for it."""
         difference = _difference(lived, self._before)
         size = len(_encode(difference))
@@ -89,21 +89,23 @@ def decode_told(payload: bytes) -> Trace | LastWord:
     return decode_trace(payload)
 
 
-def _start(links: int) -> Lived:
-    return Lived(0, 0, 0, 0, 0, 0, 0, 0, (Taken(0, 0),) * links)
+def _start(links: int) -> TickTrace:
+    return TickTrace(0, 0, 0, 0, 0, 0, 0, 0, (TakenFrames(0, 0),) * links)
 
 
-def _difference(now: Lived, before: Lived) -> Lived:
+def _difference(now: TickTrace, before: TickTrace) -> TickTrace:
     taken = zip(now.taken, before.taken, strict=True)
     return now._replace(
         slot=now.slot - before.slot,
         woke_us=now.woke_us - before.woke_us,
         seen_tick=now.seen_tick - before.seen_tick,
-        taken=tuple(Taken(one.newest_tick - then.newest_tick, one.before) for one, then in taken),
+        taken=tuple(
+            TakenFrames(one.newest_tick - then.newest_tick, one.before) for one, then in taken
+        ),
     )
 
 
-def _summed(differences: tuple[Lived, ...]) -> Iterator[Lived]:
+def _summed(differences: tuple[TickTrace, ...]) -> Iterator[TickTrace]:
     now = _start(len(differences[0].taken))
     for more in differences:
         taken = zip(now.taken, more.taken, strict=True)
@@ -111,7 +113,9 @@ def _summed(differences: tuple[Lived, ...]) -> Iterator[Lived]:
             slot=now.slot + more.slot,
             woke_us=now.woke_us + more.woke_us,
             seen_tick=now.seen_tick + more.seen_tick,
-            taken=tuple(Taken(one.newest_tick + add.newest_tick, add.before) for one, add in taken),
+            taken=tuple(
+                TakenFrames(one.newest_tick + add.newest_tick, add.before) for one, add in taken
+            ),
         )
         ticks = (now.slot, now.seen_tick, *(one.newest_tick for one in now.taken))
         ticks_fit = all(-_TICK_END <= tick < _TICK_END for tick in ticks)

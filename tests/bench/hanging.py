@@ -8,7 +8,7 @@ that every board is electing in every tick, however many there are.
 
 import math
 
-from protocol.robot.hardware import IDEAL, STEADY, Link, PassiveElement, ServoGains, Unattended
+from protocol.robot.hardware import IDEAL, STEADY, Link, PassiveElement, ServoGains, UnattendedJoint
 from protocol.robot.scenario import (
     BoardSettings,
     Controls,
@@ -69,7 +69,7 @@ def _board(board: int, hops: int) -> BoardSettings:
             gravity_weight=0.0,
             torque_limit_nm=10.0,
         ),
-        unattended=Unattended("limp", 0.0, 0.0),
+        unattended=UnattendedJoint("limp", 0.0, 0.0),
         link=Link(
             mass_kg=MASS_KG,
             length_m=LENGTH_M,

@@ -32,13 +32,15 @@ class Marks:
         self.found: dict[str, list[Mark]] = {}
         if role == PLANT:
             self._watch(Lockstep, "begin", before="opens")
-            self._watch(plant_server.process.network.Network, "observe", after="put", which=True)
+            self._watch(
+                plant_server.process.network.PlantNetwork, "observe", after="put", which=True
+            )
             self._watch(Lockstep, "answer", before="came", which=True)
             self._watch(Lockstep, "close", after="closed")
         else:
             self._watch(Board, "read", before="seen")
             self._watch(Board, "tick", before="begun", after="thought")
-            self._watch(module_agent.process.network.Network, "say", after="said")
+            self._watch(module_agent.process.network.BoardNetwork, "say", after="said")
 
     def write(self, place: Place, role: int) -> None:
         """Leave them to `path_of_a_tick`."""

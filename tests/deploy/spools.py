@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from deploy.launch.twin import run_twin
 from deploy.scenario_file.load import load
-from plant_server.session.record import TickRecord, Walls
+from plant_server.session.record import TickRecord, TickWallTimes
 from plant_server.spool.spool import Spool
 from protocol.robot.scenario import LinkFaults, Scenario
 from protocol.wire.timing import TickTiming, Timing
@@ -40,7 +40,7 @@ def spool(name: str = "paper", *settings: str) -> Spool:
 def played(scenario: Scenario) -> Spool:
     """What a twin would leave of any run."""
     ticks, outcome = run_twin(scenario)
-    walls: list[Walls | None] = [None] * len(ticks)
+    walls: list[TickWallTimes | None] = [None] * len(ticks)
     return Spool(scenario, {"mode": "twin"}, ticks, walls, [], outcome, complete=True)
 
 
@@ -77,10 +77,10 @@ def opened_ns(tick: int) -> int:
     return 10**12 + tick * 10**6
 
 
-def _walls(record: TickRecord) -> Walls:
+def _walls(record: TickRecord) -> TickWallTimes:
     start = opened_ns(record.tick)
     answered = tuple(start + 500_000 + i if a else 0 for i, a in enumerate(record.answers))
-    return Walls(start, answered, start + 600_000)
+    return TickWallTimes(start, answered, start + 600_000)
 
 
 def _timing(records: list[TickRecord], board: int) -> Timing:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from module_agent.firmware.config import ElectionConfig
 from module_agent.firmware.consensus import MaxConsensus
 from module_agent.firmware.controller import Candidate
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from tests.module_agent.robot import config
 
 
@@ -17,7 +17,7 @@ class Player:
         timing = ElectionConfig(period_ticks, rounds, keeps_last=False)
         self.election = Election(timing, self.rule, board=board)
         self._tick = 0
-        self._heard: list[Heard] = []
+        self._heard: list[HeardGossip] = []
 
     @property
     def gossip(self) -> Gossip:
@@ -38,7 +38,7 @@ class Player:
         self.election.tick(tick, urgency, [], [])
 
     def hear(self, gossip: Gossip) -> None:
-        self._heard.append(Heard(0, gossip))
+        self._heard.append(HeardGossip(0, gossip))
 
     def advance(self) -> bool:
         """End a round; tell whether it was the last one."""

@@ -9,7 +9,7 @@ from plant_server.session.lockstep import Lockstep
 from plant_server.session.plant import Plant
 from plant_server.session.record import TickRecord
 from protocol.robot.events import Command, LinkParameters, values_of
-from protocol.robot.hardware import Link, Unattended
+from protocol.robot.hardware import Link, UnattendedJoint
 from protocol.robot.sensors import EXACT, sensors_of
 from protocol.robot.states import State
 from protocol.wire.frames import (
@@ -28,16 +28,16 @@ ANKLE, KNEE, HIP = range(3)
 LINK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
 LIMIT_NM = 50.0
 POSTURE_RAD = (0.1, -0.2, 0.3)
-LIMP = Unattended("limp", 0.0, 0.0)
-BRAKED = Unattended("braked", 0.0, 0.0)
-PASSIVE = Unattended("passive", 80.0, 4.0)
+LIMP = UnattendedJoint("limp", 0.0, 0.0)
+BRAKED = UnattendedJoint("braked", 0.0, 0.0)
+PASSIVE = UnattendedJoint("passive", 80.0, 4.0)
 
 
 def plant(
     *,
     warm_up_ticks: int = 0,
     ticks: int = 1000,
-    unattended: Unattended = LIMP,
+    unattended: UnattendedJoint = LIMP,
     events: Iterable[tuple[int, Command]] = (),
     standing: dict[tuple[int, int], LinkParameters] | None = None,
     here: Sequence[int] = (ANKLE, KNEE, HIP),

@@ -19,12 +19,12 @@ from plant_server.session.config import plant_config
 from plant_server.session.free_running import FreeRunning
 from plant_server.session.pace import Pace
 from plant_server.session.plant import Plant
-from plant_server.session.record import Outcome, TickRecord, Walls
+from plant_server.session.record import Outcome, TickRecord, TickWallTimes
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import Plug, Unplug
 from protocol.robot.scenario import Scenario, run_id
 from protocol.wire.frames import ProtocolError
-from protocol.wire.trace import Lived
+from protocol.wire.trace import TickTrace
 from protocol.wire.trace_differences import decode_trace
 
 US, MS = 1_000, 1_000_000
@@ -59,7 +59,7 @@ class Own:
     boot_ns: int
     ppm: float
     incarnation: int
-    lived: list[Lived] = field(default_factory=list)
+    lived: list[TickTrace] = field(default_factory=list)
     dead: bool = False
 
     def own_ns(self, now_ns: int) -> int:
@@ -131,7 +131,7 @@ class RealtimeRobot:
         pace = self.pace
         account = {"behind_ms_max": pace.behind_s_max * 1e3, "slipped_s": pace.slipped_s}
         realtime: list[tuple[int, Any]] = [*self.traces, (PLANT, account)]
-        walls: list[Walls | None] = [None] * len(records)
+        walls: list[TickWallTimes | None] = [None] * len(records)
         return Spool(
             self.scenario,
             {},
@@ -143,7 +143,7 @@ class RealtimeRobot:
             realtime=tuple(realtime),
         )
 
-    def lived(self, board: int) -> list[Lived]:
+    def lived(self, board: int) -> list[TickTrace]:
         own = self.boards[board]
         assert own is not None
         return own.lived

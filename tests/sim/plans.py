@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from deploy.scenario_file.load import load
 from protocol.robot.events import DELAY_TICKS_MAX
-from protocol.robot.hardware import Unattended
+from protocol.robot.hardware import UnattendedJoint
 from protocol.robot.scenario import BoardSettings, Controls, LinkFaults, Scenario
 
 RUN_TICKS = 100_000
@@ -122,7 +122,7 @@ def _board(paper: Scenario, index: int, *, size: int, chance: Random) -> BoardSe
         reference_rad=chance.uniform(-0.1, 0.1),
         initial_rad=chance.uniform(-0.3, 0.3),
         lumped_delay_ticks=size - 1 + chance.randint(0, 6),
-        unattended=Unattended(chance.choice(("limp", "braked", "passive")), 100.0, 5.0),
+        unattended=UnattendedJoint(chance.choice(("limp", "braked", "passive")), 100.0, 5.0),
     )
 
 

@@ -16,7 +16,7 @@ from deploy.outcome.results import read_run
 from deploy.recording.trajectory import trajectory
 from deploy.scenario_file.load import load
 from protocol.process.exit_codes import ExitCode, refused
-from protocol.wire.enrolment import Verdict
+from protocol.wire.enrolment import EnrolmentVerdict
 from tests.module_agent.outside import SERVO
 from tests.system.rig import Rig, decmesh, eventually, recorded_ticks, said
 
@@ -84,7 +84,7 @@ def test_boards_with_another_file_are_refused(make_rig: Callable[..., Rig], tmp_
     port = rig.scenario.rig.base_port
     settings = ["--set", SHORT, "--set", f"rig.base_port={port}"]
     stranger = rig.start("module_agent", "knee", "--scenario", file, *settings)
-    assert stranger.wait(30) == refused(Verdict.OTHER_SCENARIO)
+    assert stranger.wait(30) == refused(EnrolmentVerdict.OTHER_SCENARIO)
     given = rig.board("knee")
     assert given.wait(30) == ExitCode.BAD_INPUT
     assert said(given).endswith("my_servo.py: has changed since the scenario was resolved\n")

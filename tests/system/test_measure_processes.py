@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from deploy.experiments.consensus.network import Case, Network
+from deploy.experiments.consensus.network import ConsensusCase, ConsensusNetwork
 from deploy.experiments.consensus.processes import boards_max, play
 from deploy.experiments.consensus.run import grid
 from deploy.launch.processes import RunFailedError
@@ -24,7 +24,7 @@ EPOCHS = 60
 ELECTOR = "module_agent.process.elector_runtime"
 
 
-def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> Case:
+def case(graph: str, boards: int, loss: float, *, rounds: int | None = None) -> ConsensusCase:
     (made,) = grid(
         graphs=[graph], boards=[boards], losses=[loss], rounds=rounds, epochs=EPOCHS, seed=11
     )
@@ -40,7 +40,7 @@ def test_processes_count_the_same_rounds_as_the_twin(
 ) -> None:
     """Lost frames, late agreement and several enabled boards too, epoch by epoch."""
     wanted = case(graph, boards, loss, rounds=rounds)
-    network = Network(wanted)
+    network = ConsensusNetwork(wanted)
     with closing(play(wanted)) as epochs:
         found = list(epochs)
     assert [epoch._replace(wall_ms=None) for epoch in found] == [

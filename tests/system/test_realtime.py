@@ -23,7 +23,7 @@ from plant_server.session.pace import SLIP_S
 from plant_server.spool.spool import PLANT, read_spool
 from protocol.process.exit_codes import ExitCode
 from protocol.robot.events import Departure
-from protocol.wire.trace import Lived
+from protocol.wire.trace import TickTrace
 from tests.system.rig import Launched, Rig, decmesh, eventually, said, twin_digest
 
 HEAVY = [f"board.{board}.link.inertia_kg_m2=1e5" for board in range(3)]
@@ -131,7 +131,7 @@ def test_started_by_hand_in_an_odd_order(make_rig: Callable[..., Rig], tmp_path:
     assert replay(spool).differences == ()
 
 
-def periods_per_slot(own: list[Lived]) -> float:
+def periods_per_slot(own: list[TickTrace]) -> float:
     """Own periods that go by, on the board's own clock, while the plant's ticks fill one."""
     due_us = [turn.woke_us - turn.late_us for turn in own]
     return (due_us[-1] - due_us[0]) / 10_000 / (own[-1].slot - own[0].slot)

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from deploy.scenario_file.load import load
 from protocol.process.exit_codes import ExitCode, refused
 from protocol.robot.scenario import Scenario, canonical
-from protocol.wire.enrolment import Verdict
+from protocol.wire.enrolment import EnrolmentVerdict
 from protocol.wire.frames import VERSION
 from tests.system.rig import Rig, decmesh, eventually, said
 
@@ -31,17 +31,17 @@ def test_boards_that_do_not_fit_are_told_why(make_rig: Callable[..., Rig]) -> No
     other_run = replace(rig.scenario.run, seed=99)
     file = another_file(rig, replace(rig.scenario, run=other_run))
     stranger = rig.start("module_agent", "knee", "--scenario", file)
-    assert stranger.wait(30) == refused(Verdict.OTHER_SCENARIO)
+    assert stranger.wait(30) == refused(EnrolmentVerdict.OTHER_SCENARIO)
     assert "refused: the board was started with scenario" in said(stranger)
 
     other_rig = replace(rig.scenario.rig, name="another")
     file = another_file(rig, replace(rig.scenario, rig=other_rig))
     stranger = rig.start("module_agent", "knee", "--scenario", file)
-    assert stranger.wait(30) == refused(Verdict.WRONG_RIG)
+    assert stranger.wait(30) == refused(EnrolmentVerdict.WRONG_RIG)
     assert "refused: the board belongs to rig 'another', the plant to rig 'robot'" in said(stranger)
 
     nobody = rig.board("elbow")
-    assert nobody.wait(30) == refused(Verdict.UNKNOWN_JOINT)
+    assert nobody.wait(30) == refused(EnrolmentVerdict.UNKNOWN_JOINT)
     assert said(nobody) == "elbow: unknown joint; the body has ankle, knee, hip\n"
 
     boards = [rig.board(joint) for joint in rig.scenario.joints]
@@ -64,7 +64,7 @@ def test_a_board_of_another_version_is_told_so(make_rig: Callable[..., Rig]) -> 
     eventually(lambda: "waiting for" in said(plant))
     command = [sys.executable, "-c", OF_ANOTHER_VERSION, "knee", "--scenario", str(rig.file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0)
-    assert done.returncode == refused(Verdict.WRONG_VERSION)
+    assert done.returncode == refused(EnrolmentVerdict.WRONG_VERSION)
     line = f"knee: refused: the board speaks version {VERSION + 1}, the plant version {VERSION}\n"
     assert done.stderr == line
 
@@ -77,7 +77,7 @@ def test_a_joint_has_one_driver(make_rig: Callable[..., Rig]) -> None:
     eventually(lambda: "waiting for ankle, hip" in said(plant))
     assert knee.poll() is None
     second = rig.board("knee")
-    assert second.wait(30) == refused(Verdict.JOINT_TAKEN)
+    assert second.wait(30) == refused(EnrolmentVerdict.JOINT_TAKEN)
     assert "refused: knee has a board already, boot" in said(second)
     assert knee.poll() is None
 

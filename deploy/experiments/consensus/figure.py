@@ -20,7 +20,7 @@ from matplotlib.ticker import (
     PercentFormatter,
 )
 
-from deploy.experiments.consensus.run import Row, Spread
+from deploy.experiments.consensus.run import ConsensusRow, Quantiles
 from deploy.outcome.drawing import INK, PALE, series_look
 from deploy.outcome.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 
@@ -35,7 +35,7 @@ DIAMETER: dict[str, Any] = {"color": PALE, "linewidth": 3.0, "zorder": 0}
 LABELS = ("Rounds to agreement", "Several enabled after R", "Wall time to agreement (ms)")
 
 
-def consensus_figure(rows: Sequence[Row], stem: Path) -> list[Path]:
+def consensus_figure(rows: Sequence[ConsensusRow], stem: Path) -> list[Path]:
     """Draw a column of panels for each graph; return the files written. Raises OSError."""
     graphs = list(dict.fromkeys(row.graph for row in rows))
     losses = sorted({row.loss for row in rows})
@@ -70,25 +70,27 @@ def consensus_figure(rows: Sequence[Row], stem: Path) -> list[Path]:
         return paths
 
 
-def draw_rounds(axes: Axes, rows: Sequence[Row], order: int, *, aside: float) -> None:
+def draw_rounds(axes: Axes, rows: Sequence[ConsensusRow], order: int, *, aside: float) -> None:
     """Draw after how many rounds all boards knew the maximum, for one loss."""
     at = [row.boards * aside for row in rows]
     _draw_spreads(axes, at, [row.agreement_rounds for row in rows], order)
     axes.plot([row.boards for row in rows], [row.diameter for row in rows], **DIAMETER)
 
 
-def draw_several(axes: Axes, rows: Sequence[Row], order: int, *, aside: float) -> None:
+def draw_several(axes: Axes, rows: Sequence[ConsensusRow], order: int, *, aside: float) -> None:
     """Draw after how many epochs more than one board would be enabled, for one loss."""
     at = [row.boards * aside for row in rows]
     axes.plot(at, [row.enabled_2_or_more / row.epochs for row in rows], **_look(order))
 
 
-def draw_wall(axes: Axes, rows: Sequence[Row], order: int, *, aside: float) -> None:
+def draw_wall(axes: Axes, rows: Sequence[ConsensusRow], order: int, *, aside: float) -> None:
     """Draw how long it took until all boards knew the maximum, for one loss."""
     _draw_spreads(axes, [row.boards * aside for row in rows], [row.wall_ms for row in rows], order)
 
 
-def _draw_spreads(axes: Axes, at: Sequence[float], spreads: Sequence[Spread], order: int) -> None:
+def _draw_spreads(
+    axes: Axes, at: Sequence[float], spreads: Sequence[Quantiles], order: int
+) -> None:
     """Draw a line through the medians, and from each up to its 99th percentile."""
     look = _look(order)
     axes.plot(at, [nan if spread.p50 is None else spread.p50 for spread in spreads], **look)
@@ -101,7 +103,7 @@ def _look(order: int) -> dict[str, Any]:
     return {**series_look(order), "linewidth": 0.9, "markersize": 2.8}
 
 
-def _axes(panels: Any, rows: Sequence[Row]) -> None:
+def _axes(panels: Any, rows: Sequence[ConsensusRow]) -> None:
     """Scale boards, rounds and time logarithmically, with plain numbers."""
     plain = FuncFormatter(lambda value, _place: f"{value:g}")
     for axes, label in zip(panels[:, 0], LABELS, strict=False):

@@ -28,7 +28,7 @@ PIECE_BOARDS = 20_000
 """A piece of work has so many epochs times boards: well under a second."""
 
 
-class Case(NamedTuple):
+class ConsensusCase(NamedTuple):
     """One network to measure."""
 
     graph: str
@@ -65,25 +65,25 @@ class Epoch(NamedTuple):
     first epoch."""
 
 
-class Piece(NamedTuple):
+class EpochBatch(NamedTuple):
     """Some epochs of a case."""
 
-    case: Case
+    case: ConsensusCase
     first: int
     epochs: int
 
 
-class Played(NamedTuple):
+class BatchResult(NamedTuple):
     """What came of a piece."""
 
-    case: Case
+    case: ConsensusCase
     epochs: list[Epoch]
 
 
-def pieces(cases: Iterable[Case]) -> list[Piece]:
+def pieces(cases: Iterable[ConsensusCase]) -> list[EpochBatch]:
     """Cut cases into pieces of work that take about as long as each other."""
     return [
-        Piece(case, first, min(size, case.epochs - first))
+        EpochBatch(case, first, min(size, case.epochs - first))
         for case in cases
         for size in [max(1, PIECE_BOARDS // case.boards)]
         for first in range(0, case.epochs, size)
@@ -91,13 +91,13 @@ def pieces(cases: Iterable[Case]) -> list[Piece]:
 
 
 @dataclass(frozen=True, slots=True)
-class Numbered:
+class BoardIndex:
     """All that an election needs to know of its board."""
 
     index: int
 
 
-class Link(NamedTuple):
+class DirectedLink(NamedTuple):
     """A directed link and the boards at its ends."""
 
     sender: MaxConsensus
@@ -105,16 +105,16 @@ class Link(NamedTuple):
     model: LinkModel
 
 
-class Network:
+class ConsensusNetwork:
     """All boards of a case in one process."""
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: ConsensusCase) -> None:
         self.case = case
-        self.boards = [MaxConsensus(Numbered(board)) for board in range(case.boards)]
+        self.boards = [MaxConsensus(BoardIndex(board)) for board in range(case.boards)]
         standing = PERFECT._replace(loss=case.loss)
         self.from_board = [
             [
-                Link(
+                DirectedLink(
                     board,
                     self.boards[other],
                     LinkModel(
@@ -150,19 +150,19 @@ class Network:
         return Epoch(number, agreed_round, enabled)
 
 
-def play(piece: Piece) -> Played:
+def play(piece: EpochBatch) -> BatchResult:
     """Play some epochs of a case in the twin."""
-    network = Network(piece.case)
+    network = ConsensusNetwork(piece.case)
     numbers = range(piece.first, piece.first + piece.epochs)
-    return Played(piece.case, [network.play(number) for number in numbers])
+    return BatchResult(piece.case, [network.play(number) for number in numbers])
 
 
-def _news(links: Iterable[Link]) -> set[Link]:
+def _news(links: Iterable[DirectedLink]) -> set[DirectedLink]:
     """Links on which there is something to hear."""
     return {link for link in links if link.sender.best > link.receiver.best}
 
 
-def _round(news: Iterable[Link], first_tick: int, number: int) -> set[MaxConsensus]:
+def _round(news: Iterable[DirectedLink], first_tick: int, number: int) -> set[MaxConsensus]:
     """All say what they know, then all hear; return the boards that know more now."""
     heard: defaultdict[MaxConsensus, list[Candidate]] = defaultdict(list)
     for link in news:

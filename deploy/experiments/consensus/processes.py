@@ -15,7 +15,7 @@ from threading import Thread
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from deploy.experiments.consensus.network import Case, Epoch
+from deploy.experiments.consensus.network import ConsensusCase, Epoch
 from deploy.launch import machine
 from deploy.launch.processes import RunFailedError, end
 from deploy.launch.rigs import NoPortsError, claim_ports
@@ -34,7 +34,7 @@ HOST = "127.0.0.1"
 WANTED = RigSettings(name=RIG, host=HOST, base_port=17_700)
 
 
-class Vote(NamedTuple):
+class BoardReport(NamedTuple):
     """What one board said of one epoch."""
 
     own: Candidate
@@ -50,7 +50,7 @@ def boards_max() -> int:
     return min(BOARDS_PER_CORE * machine.cores(), machine.free_memory_mb() // BOARD_MB)
 
 
-def play(case: Case) -> Generator[Epoch, None, None]:
+def play(case: ConsensusCase) -> Generator[Epoch, None, None]:
     """Play a case, epoch by epoch. Raises `RunFailedError`."""
     try:
         with (
@@ -65,7 +65,7 @@ def play(case: Case) -> Generator[Epoch, None, None]:
 class Electors:
     """The boards of a case, as children of this process; a context that leaves none behind."""
 
-    def __init__(self, case: Case, base_port: int) -> None:
+    def __init__(self, case: ConsensusCase, base_port: int) -> None:
         self.case = case
         self.base_port = base_port
         self.children: list[subprocess.Popen[str]] = []
@@ -91,7 +91,7 @@ class Electors:
         """Start all boards, and put together what they say. Raises `RunFailedError`."""
         for board in range(self.case.boards):
             self._start(board)
-        votes: dict[int, list[Vote]] = {}
+        votes: dict[int, list[BoardReport]] = {}
         played = 0
         while played < self.case.epochs:
             board, line = self._lines.get()
@@ -103,7 +103,7 @@ class Electors:
                 continue
             number, urgency, best, *rest = json.loads(line)
             of_epoch = votes.setdefault(number, [])
-            of_epoch.append(Vote(Candidate(urgency, board), Candidate(*best), *rest))
+            of_epoch.append(BoardReport(Candidate(urgency, board), Candidate(*best), *rest))
             if len(of_epoch) == self.case.boards:
                 played += 1
                 yield _together(number, votes.pop(number))
@@ -152,7 +152,7 @@ class Electors:
             raise RunFailedError(ExitCode.PEER_LOST if code < 0 else code, line)
 
 
-def _together(number: int, votes: Sequence[Vote]) -> Epoch:
+def _together(number: int, votes: Sequence[BoardReport]) -> Epoch:
     """What an epoch came to, from what each board said."""
     largest = max(vote.own for vote in votes)
     agreed = all(vote.best == largest for vote in votes)

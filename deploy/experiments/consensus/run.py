@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from deploy.experiments.consensus.graphs import GRAPHS, diameter, neighbours, rounds_to_watch
-from deploy.experiments.consensus.network import Case, Epoch, Played
+from deploy.experiments.consensus.network import BatchResult, ConsensusCase, Epoch
 from protocol.wire.frames import TICK_MAX
 
 BOARDS_MIN, BOARDS_MAX = 2, 10_000
@@ -21,7 +21,7 @@ NEVER = "never"
 CSV = "consensus.csv"
 
 
-class Spread(NamedTuple):
+class Quantiles(NamedTuple):
     """Of a number over epochs, by nearest rank; None: never, or not measured."""
 
     p50: float | None
@@ -30,7 +30,7 @@ class Spread(NamedTuple):
     max: float | None
 
 
-class Row(NamedTuple):
+class ConsensusRow(NamedTuple):
     """What came of a case: a row of the CSV file."""
 
     graph: str
@@ -44,7 +44,7 @@ class Row(NamedTuple):
     seed: int
     epochs: int
     """Those that were played."""
-    agreement_rounds: Spread
+    agreement_rounds: Quantiles
     """Rounds until every board knew the maximum."""
     agreed_in_diameter: float
     """Share of the epochs in which that was not later than without loss."""
@@ -54,7 +54,7 @@ class Row(NamedTuple):
     """Epochs after whose R rounds no board would be enabled."""
     enabled_1: int
     enabled_2_or_more: int
-    wall_ms: Spread
+    wall_ms: Quantiles
     """Processes: wall time until every board knew the maximum."""
     rounds_to_agreement: dict[str, int]
     """How many epochs took so many rounds."""
@@ -68,7 +68,7 @@ def grid(
     rounds: int | None,
     epochs: int,
     seed: int,
-) -> list[Case]:
+) -> list[ConsensusCase]:
     """Every case, R being the diameter unless given. Raises ValueError for what cannot be."""
     return [
         _case(graph, size, loss, rounds, epochs, seed)
@@ -76,29 +76,31 @@ def grid(
     ]
 
 
-def rows(cases: Iterable[Case], played: Iterable[Played]) -> Iterator[Row]:
+def rows(cases: Iterable[ConsensusCase], played: Iterable[BatchResult]) -> Iterator[ConsensusRow]:
     """Sum up each case of which there is an epoch, in the order of the cases."""
     for case, epochs in by_case(cases, played).items():
         yield _row(case, epochs)
 
 
-def by_case(cases: Iterable[Case], played: Iterable[Played]) -> dict[Case, list[Epoch]]:
+def by_case(
+    cases: Iterable[ConsensusCase], played: Iterable[BatchResult]
+) -> dict[ConsensusCase, list[Epoch]]:
     """The epochs of each case that has any, in order."""
-    epochs: dict[Case, list[Epoch]] = {case: [] for case in cases}
+    epochs: dict[ConsensusCase, list[Epoch]] = {case: [] for case in cases}
     for case, some in played:
         epochs[case].extend(some)
     return {case: sorted(found) for case, found in epochs.items() if found}
 
 
-def spread(values: Iterable[float | None]) -> Spread:
+def spread(values: Iterable[float | None]) -> Quantiles:
     """Nearest-rank percentiles; None counts as later than anything."""
     ordered = sorted(values, key=lambda value: (value is None, value))
     if not ordered:
-        return Spread(None, None, None, None)
-    return Spread(*(ordered[ceil(share * len(ordered)) - 1] for share in (0.5, 0.9, 0.99, 1.0)))
+        return Quantiles(None, None, None, None)
+    return Quantiles(*(ordered[ceil(share * len(ordered)) - 1] for share in (0.5, 0.9, 0.99, 1.0)))
 
 
-def write_csv(found: Sequence[Row], path: Path) -> None:
+def write_csv(found: Sequence[ConsensusRow], path: Path) -> None:
     """Write one line per case. Raises OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
         flat = [_flat(row) for row in found]
@@ -107,7 +109,9 @@ def write_csv(found: Sequence[Row], path: Path) -> None:
         writer.writerows(flat)
 
 
-def _case(graph: str, boards: int, loss: float, rounds: int | None, epochs: int, seed: int) -> Case:
+def _case(
+    graph: str, boards: int, loss: float, rounds: int | None, epochs: int, seed: int
+) -> ConsensusCase:
     if graph not in GRAPHS:
         raise ValueError(f"there is no graph {graph!r}; there are {', '.join(GRAPHS)}")
     if not BOARDS_MIN <= boards <= BOARDS_MAX:
@@ -119,15 +123,15 @@ def _case(graph: str, boards: int, loss: float, rounds: int | None, epochs: int,
     watched = max(rounds, rounds_to_watch(boards, hops, loss))
     if epochs * (watched + 1) > TICK_MAX:
         raise ValueError(f"{epochs} epochs of {watched + 1} ticks: ticks are numbers of 32 bits")
-    return Case(graph, boards, loss, rounds, epochs, seed, hops, watched)
+    return ConsensusCase(graph, boards, loss, rounds, epochs, seed, hops, watched)
 
 
-def _row(case: Case, epochs: Sequence[Epoch]) -> Row:
+def _row(case: ConsensusCase, epochs: Sequence[Epoch]) -> ConsensusRow:
     agreed = [epoch.agreed_round for epoch in epochs]
     counted = Counter(agreed)
     enabled = Counter(min(epoch.enabled, 2) for epoch in epochs)
     by_round = {str(n): counted[n] for n in sorted(n for n in counted if n is not None)}
-    return Row(
+    return ConsensusRow(
         case.graph,
         case.boards,
         sum(map(len, case.near)) // 2,
@@ -147,11 +151,11 @@ def _row(case: Case, epochs: Sequence[Epoch]) -> Row:
     )
 
 
-def _flat(row: Row) -> dict[str, object]:
+def _flat(row: ConsensusRow) -> dict[str, object]:
     """A row for a file of columns: spreads spread out, and without the histogram."""
     flat: dict[str, object] = {}
     for name, value in row._asdict().items():
-        if isinstance(value, Spread):
+        if isinstance(value, Quantiles):
             flat |= {f"{name}_{share}": number for share, number in value._asdict().items()}
         elif name != "rounds_to_agreement":
             flat[name] = value

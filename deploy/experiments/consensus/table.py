@@ -5,11 +5,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from rich import box
 from rich.table import Table
 
-from deploy.experiments.consensus.run import NEVER, Row
-from deploy.experiments.consensus.theory import Beside, Pair
+from deploy.experiments.consensus.run import NEVER, ConsensusRow
+from deploy.experiments.consensus.theory import MeasuredAndExpected, TheoryComparison
 
 
-def rounds_table(rows: Iterable[Row]) -> Table:
+def rounds_table(rows: Iterable[ConsensusRow]) -> Table:
     """Rounds to agreement, and how many boards would be enabled after R rounds."""
     table = _table(
         "Rounds until every board knows the maximum",
@@ -44,7 +44,7 @@ def rounds_table(rows: Iterable[Row]) -> Table:
     return table
 
 
-def wall_table(rows: Iterable[Row]) -> Table:
+def wall_table(rows: Iterable[ConsensusRow]) -> Table:
     """Wall time until every board knew the maximum, for processes."""
     columns = (*_CASE, "epochs", "p50", "p90", "p99", "max")
     table = _table("Wall time until every board knows the maximum, in ms", columns)
@@ -60,7 +60,7 @@ none, one, more: epochs with so many boards enabled after R rounds.
 """
 
 
-def theory_table(found: Iterable[Beside]) -> Table:
+def theory_table(found: Iterable[TheoryComparison]) -> Table:
     """The line of three at R = 2: measured beside theory."""
     table = _table(
         "The line of three at R = 2: measured, and the closed form",
@@ -111,7 +111,9 @@ def _table(title: str, headings: Sequence[str]) -> Table:
     return table
 
 
-def _sections(table: Table, rows: Iterable[Row]) -> Iterator[tuple[Row | None, Row]]:
+def _sections(
+    table: Table, rows: Iterable[ConsensusRow]
+) -> Iterator[tuple[ConsensusRow | None, ConsensusRow]]:
     """Each row and the one above it in its section: the same graph."""
     above = None
     for row in rows:
@@ -122,7 +124,7 @@ def _sections(table: Table, rows: Iterable[Row]) -> Iterator[tuple[Row | None, R
         above = row
 
 
-def _case(row: Row, above: Row | None) -> Iterator[str]:
+def _case(row: ConsensusRow, above: ConsensusRow | None) -> Iterator[str]:
     """What a row is of; what the row above says too is left out."""
     same_boards = above is not None and above.boards == row.boards
     yield "" if above is not None else row.graph
@@ -140,5 +142,5 @@ def _ms(value: float | None) -> str:
     return NEVER if value is None else f"{value:.2f}"
 
 
-def _shares(pair: Pair) -> tuple[str, str]:
+def _shares(pair: MeasuredAndExpected) -> tuple[str, str]:
     return f"{pair.measured:.1%}", f"{pair.theory:.1%}"

@@ -10,7 +10,7 @@ from math import sqrt
 from statistics import fmean
 from typing import NamedTuple, TypeVar
 
-from deploy.experiments.consensus.network import Case, Epoch
+from deploy.experiments.consensus.network import ConsensusCase, Epoch
 from deploy.recording.trajectory import Floats
 from module_agent.firmware.elector import urgency
 
@@ -21,21 +21,21 @@ PLACES = ("two ends", "end, middle", "middle, end")
 Z_95 = 1.96
 
 
-class Beside(NamedTuple):
+class TheoryComparison(NamedTuple):
     """One loss and one place of the line of three at R = 2: measured, and in theory."""
 
     loss: float
     place: str
     epochs: int
-    several_enabled: "Pair"
+    several_enabled: "MeasuredAndExpected"
     """Share of the epochs in which several boards were enabled after R rounds."""
-    agreed: "Pair"
+    agreed: "MeasuredAndExpected"
     """Share of the epochs in which all boards knew the largest after R rounds."""
-    mean_rounds: "Pair"
+    mean_rounds: "MeasuredAndExpected"
     """Until all knew it."""
 
 
-class Pair(NamedTuple):
+class MeasuredAndExpected(NamedTuple):
     """A number, and what it should be."""
 
     measured: float
@@ -65,12 +65,12 @@ def mean_rounds(loss: float, *, at_end: bool) -> float:
     return 2.0 / heard if at_end else 2.0 / heard - 1.0 / (1.0 - loss * loss)
 
 
-def applies(case: Case) -> bool:
+def applies(case: ConsensusCase) -> bool:
     """Whether there is a closed form for all of this case."""
     return case[:2] == LINE_OF_THREE and case.rounds == R and case.loss > 0.0
 
 
-def beside(case: Case, epochs: Iterable[Epoch]) -> Iterator[Beside]:
+def beside(case: ConsensusCase, epochs: Iterable[Epoch]) -> Iterator[TheoryComparison]:
     """Measured and theory for each place that came up."""
     found: dict[str, list[Epoch]] = {place: [] for place in PLACES}
     for epoch in epochs:
@@ -80,7 +80,7 @@ def beside(case: Case, epochs: Iterable[Epoch]) -> Iterator[Beside]:
             yield _beside(case.loss, place, some)
 
 
-def _place(case: Case, number: int) -> str:
+def _place(case: ConsensusCase, number: int) -> str:
     """Where the largest urgency of an epoch is, and the second; ties go to the higher board."""
     second, largest = sorted(
         (urgency(case.seed, board, number), board) for board in range(case.boards)
@@ -90,11 +90,11 @@ def _place(case: Case, number: int) -> str:
     return PLACES[2] if largest[1] == 1 else PLACES[1]
 
 
-def _beside(loss: float, place: str, epochs: Sequence[Epoch]) -> Beside:
+def _beside(loss: float, place: str, epochs: Sequence[Epoch]) -> TheoryComparison:
     at_end = place != PLACES[2]
     rounds = [epoch.agreed_round for epoch in epochs if epoch.agreed_round is not None]
     deviation = sqrt(_variance(loss, at_end=at_end))
-    return Beside(
+    return TheoryComparison(
         loss,
         place,
         len(epochs),
@@ -105,7 +105,7 @@ def _beside(loss: float, place: str, epochs: Sequence[Epoch]) -> Beside:
             [epoch.agreed_round in (1, R) for epoch in epochs],
             agreed_within(R, loss, at_end=at_end),
         ),
-        Pair(
+        MeasuredAndExpected(
             fmean(rounds),
             mean_rounds(loss, at_end=at_end),
             Z_95 * deviation / sqrt(len(rounds)),
@@ -113,9 +113,9 @@ def _beside(loss: float, place: str, epochs: Sequence[Epoch]) -> Beside:
     )
 
 
-def _share(true: Sequence[bool], theory: float) -> Pair:
+def _share(true: Sequence[bool], theory: float) -> MeasuredAndExpected:
     margin = Z_95 * sqrt(theory * (1.0 - theory) / len(true))
-    return Pair(sum(true) / len(true), theory, margin)
+    return MeasuredAndExpected(sum(true) / len(true), theory, margin)
 
 
 def _variance(loss: float, *, at_end: bool) -> float:

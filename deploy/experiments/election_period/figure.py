@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-from deploy.experiments.election_period.run import Result
+from deploy.experiments.election_period.run import PeriodResult
 from deploy.outcome.drawing import INK, PALE, series_look
 from deploy.outcome.figures import DOTS_PER_INCH, FORMATS, STYLE, WIDTH_IN
 from deploy.outcome.summary import Summary
@@ -47,7 +47,7 @@ class Line(NamedTuple):
     reading: Callable[[Summary], float | None]
 
 
-def te_figure(results: Sequence[Result], usual_s: float, stem: Path) -> list[Path]:
+def te_figure(results: Sequence[PeriodResult], usual_s: float, stem: Path) -> list[Path]:
     """Draw all panels; return the files written. `usual_s` is the scenario's own T_e.
 
     Raises OSError.
@@ -79,7 +79,7 @@ def te_figure(results: Sequence[Result], usual_s: float, stem: Path) -> list[Pat
         return paths
 
 
-def draw(axes: Axes, lines: Sequence[Line], results: Sequence[Result], *, log: bool) -> None:
+def draw(axes: Axes, lines: Sequence[Line], results: Sequence[PeriodResult], *, log: bool) -> None:
     """Draw lines over T_e, and what they are without elections as broken ones."""
     stood = [result for result in results if result.summary["ending"] != FELL]
     elected = [result for result in stood if result.period_s is not None]
@@ -109,7 +109,7 @@ def draw(axes: Axes, lines: Sequence[Line], results: Sequence[Result], *, log: b
     axes.plot(fallen, [0.0] * len(fallen), transform=axes.get_xaxis_transform(), **cross)
 
 
-def _at(result: Result) -> float:
+def _at(result: PeriodResult) -> float:
     """Where a run is along the axis; without elections, nowhere."""
     return nan if result.period_s is None else result.period_s
 
@@ -146,7 +146,7 @@ def _look(order: int) -> dict[str, Any]:
     return {**series_look(order), **sizes}
 
 
-def _period_axis(axes: Axes, results: Sequence[Result], usual_s: float) -> None:
+def _period_axis(axes: Axes, results: Sequence[PeriodResult], usual_s: float) -> None:
     """Scale T_e logarithmically, with plain numbers, and mark the one that is used elsewhere."""
     periods_s = [result.period_s for result in results if result.period_s is not None]
     low, high = min(periods_s, default=usual_s), max(periods_s, default=usual_s)

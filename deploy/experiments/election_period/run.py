@@ -26,7 +26,7 @@ STEPS = (1, 1.1, 1.2, 1.4, 1.6, 1.8, 2, 2.2, 2.5, 2.8, 3.2, 3.6, 4, 4.5, 5, 5.6,
 VALUES_MAX = 200
 
 
-class Case(NamedTuple):
+class PeriodCase(NamedTuple):
     """One run."""
 
     period_s: float | None
@@ -45,7 +45,7 @@ class Case(NamedTuple):
         return [*self.settings, elects]
 
 
-class Result(NamedTuple):
+class PeriodResult(NamedTuple):
     """What came of a run."""
 
     period_s: float | None
@@ -70,11 +70,11 @@ def periods_s(text: str, *, tick_s: float) -> list[float]:
     return [low, *whole, high]
 
 
-def grid(values_s: Sequence[float], settings: Sequence[str]) -> list[Case]:
+def grid(values_s: Sequence[float], settings: Sequence[str]) -> list[PeriodCase]:
     """The run without elections, and one for each T_e. Raises `ScenarioError` with all mistakes."""
     if len(values_s) > VALUES_MAX:
         raise ScenarioError(f"{len(values_s)} values of T_e; at most {VALUES_MAX} at a time")
-    cases = [Case(period_s, tuple(settings)) for period_s in (None, *values_s)]
+    cases = [PeriodCase(period_s, tuple(settings)) for period_s in (None, *values_s)]
     complaints: dict[str, None] = {}
     for case in cases:
         try:
@@ -86,19 +86,19 @@ def grid(values_s: Sequence[float], settings: Sequence[str]) -> list[Case]:
     return cases
 
 
-def measure(case: Case) -> Result:
+def measure(case: PeriodCase) -> PeriodResult:
     """Run one case in the twin."""
     scenario = load(SCENARIO, case.all_settings)
     run = trajectory(scenario, *run_twin(scenario))
-    return Result(case.period_s, summary(run, mode="twin"))
+    return PeriodResult(case.period_s, summary(run, mode="twin"))
 
 
-def in_order(results: Iterable[Result]) -> list[Result]:
+def in_order(results: Iterable[PeriodResult]) -> list[PeriodResult]:
     """Without elections first, then by T_e."""
     return sorted(results, key=lambda result: result.period_s or 0.0)
 
 
-def write_csv(results: Sequence[Result], path: Path) -> None:
+def write_csv(results: Sequence[PeriodResult], path: Path) -> None:
     """Write one line per run. Raises OSError."""
     with path.open("w", encoding="utf-8", newline="") as file:
         lines = [_flat(result) for result in results]
@@ -121,7 +121,7 @@ def _is_whole(period_s: float, tick_s: float) -> bool:
     return whole_ticks(period_s * 1e3, tick_s * 1e3) is not None
 
 
-def _flat(result: Result) -> dict[str, Any]:
+def _flat(result: PeriodResult) -> dict[str, Any]:
     """One row: `TS_overshoot_deg`, `energy_positive_j`, `epochs`, ..."""
     found = result.summary
     row: dict[str, Any] = {"period_s": result.period_s, "ending": found["ending"]}

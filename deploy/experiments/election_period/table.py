@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from rich import box
 from rich.table import Table
 
-from deploy.experiments.election_period.run import Result
+from deploy.experiments.election_period.run import PeriodResult
 from plant_server.session.record import FELL
 
 WITHOUT = "none"
@@ -17,7 +17,7 @@ _INDICES = {
 }
 
 
-def te_table(results: Sequence[Result]) -> Table:
+def te_table(results: Sequence[PeriodResult]) -> Table:
     """Overshoot, rise and settling of each variable, and positive energy, over T_e."""
     names = list(results[0].summary["indices"])
     table = Table(
@@ -36,7 +36,7 @@ def te_table(results: Sequence[Result]) -> Table:
     return table
 
 
-def _cells(result: Result, names: Sequence[str]) -> Iterator[str]:
+def _cells(result: PeriodResult, names: Sequence[str]) -> Iterator[str]:
     summary = result.summary
     fell = summary["ending"] == FELL
     yield WITHOUT if result.period_s is None else f"{result.period_s:g}"

@@ -10,7 +10,7 @@ from typing import Any
 
 from deploy.recording.epochs import Epochs
 from deploy.recording.fates import FrameOutcome
-from plant_server.session.record import Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import Outcome, TickRecord, TickWallTimes, UndrivenJoint
 from plant_server.spool.spool import recorded_scenario
 from protocol.robot.canonical_json import canonical_json
 from protocol.robot.events import EVENTS, Event, event_of, values_of
@@ -164,14 +164,14 @@ def to_event(body: Body) -> Event:
     return event_of([what, *(body[name] for name in fields)], strict=False)
 
 
-def of_walls(tick: int, walls: Walls) -> Body:
+def of_walls(tick: int, walls: TickWallTimes) -> Body:
     """When the plant did what."""
     return {"tick": tick, **walls._asdict()}
 
 
-def to_walls(body: Body) -> Walls:
+def to_walls(body: Body) -> TickWallTimes:
     """When the plant did what."""
-    return Walls(
+    return TickWallTimes(
         _whole(body["opened_ns"]),
         tuple(map(_whole, body["answered_ns"])),
         _whole(body["closed_ns"]),
@@ -236,7 +236,8 @@ def of_refused(
 def to_outcome(body: Body) -> Outcome:
     """How the run ended."""
     undriven = tuple(
-        Undriven(**{**joint, "has_board": bool(joint["has_board"])}) for joint in body["undriven"]
+        UndrivenJoint(**{**joint, "has_board": bool(joint["has_board"])})
+        for joint in body["undriven"]
     )
     return Outcome(
         body["tick"],

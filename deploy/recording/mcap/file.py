@@ -31,9 +31,9 @@ from deploy.recording.mcap.contents import (
     contents,
 )
 from deploy.recording.mcap.messages import NS_MAX, RecordingMessages
-from deploy.recording.mcap.schema import Kind
+from deploy.recording.mcap.schema import ChannelKind
 from deploy.recording.trajectory import Trajectory
-from plant_server.session.record import Outcome, TickRecord, Walls
+from plant_server.session.record import Outcome, TickRecord, TickWallTimes
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.events import Event
 from protocol.robot.scenario import Scenario
@@ -115,7 +115,7 @@ def _write(spool: Spool, run: Trajectory, file: IO[bytes], on_tick: Callable[[in
     writer.finish()
 
 
-def _declare(writer: Writer, channels: dict[str, Kind]) -> dict[str, int]:
+def _declare(writer: Writer, channels: dict[str, ChannelKind]) -> dict[str, int]:
     """Register schemas and channels; the number of each channel by its topic."""
     schemas = {
         kind.name: writer.register_schema(kind.name, "jsonschema", orjson.dumps(kind.schema))
@@ -174,7 +174,7 @@ class _Reading:
         self.scenario: Scenario | None = None
         self.facts: dict[str, Any] = {}
         self.ticks: list[TickRecord] = []
-        self.walls: dict[int, Walls] = {}
+        self.walls: dict[int, TickWallTimes] = {}
         self.reports: list[tuple[int, Report]] = []
         self.outcome: Outcome | None = None
         self.realtime: list[tuple[int, Any]] = []

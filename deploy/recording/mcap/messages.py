@@ -17,7 +17,7 @@ from deploy.recording.fates import FrameOutcome
 from deploy.recording.frame_fate import FrameFate
 from deploy.recording.mcap import bodies, realtime, realtime_schema, schema, topics
 from deploy.recording.mcap.bodies import Body
-from deploy.recording.mcap.schema import Kind
+from deploy.recording.mcap.schema import ChannelKind
 from deploy.recording.reconstruction import (
     RealtimeReconstruction,
     ReconstructedTick,
@@ -25,7 +25,7 @@ from deploy.recording.reconstruction import (
 )
 from deploy.recording.replay import UnplayableError
 from deploy.recording.trajectory import Trajectory
-from plant_server.session.record import TickRecord, Walls
+from plant_server.session.record import TickRecord, TickWallTimes
 from plant_server.spool.spool import PLANT, Spool
 from protocol.robot.cadence import cadence_of
 from protocol.wire.frames import REPORTS
@@ -47,7 +47,7 @@ class Message(NamedTuple):
     body: Body
 
 
-def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]:
+def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, ChannelKind]:
     """Every channel of a robot's recording, and what its messages say."""
     found = {
         topics.SCENARIO: schema.SCENARIO,
@@ -79,7 +79,7 @@ def channels(joints: list[str], *, in_realtime: bool = False) -> dict[str, Kind]
 class PendingTick:
     """A tick that waits until it is known what became of its frames."""
 
-    def __init__(self, told: ReconstructedTick, walls: Walls | None) -> None:
+    def __init__(self, told: ReconstructedTick, walls: TickWallTimes | None) -> None:
         self.told = told
         self.walls = walls
         self.fates: list[FrameOutcome] = []
@@ -143,7 +143,7 @@ class RecordingMessages:
             },
         )
 
-    def _tick(self, record: TickRecord, walls: Walls | None) -> Iterator[Message]:
+    def _tick(self, record: TickRecord, walls: TickWallTimes | None) -> Iterator[Message]:
         """Take one tick; give those that can be told in full by now."""
         told = self._told.tick(record)
         self._held[record.tick] = PendingTick(told, walls)

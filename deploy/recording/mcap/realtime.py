@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from deploy.recording.mcap.bodies import Body
 from deploy.recording.mcap.realtime_schema import PACE
-from protocol.wire.trace import LastWord, Lived, Taken, Trace
+from protocol.wire.trace import LastWord, TakenFrames, TickTrace, Trace
 from protocol.wire.trace_differences import encode_trace
 
 
@@ -34,14 +34,16 @@ def to_frame(turns: Sequence[Body]) -> bytes:
     if "frame_hex" in last:
         return bytes.fromhex(last["frame_hex"])
     lived = tuple(
-        Lived(**{name: turn[name] for name in Lived._fields[:-1]}, taken=_taken(turn["taken"]))
+        TickTrace(
+            **{name: turn[name] for name in TickTrace._fields[:-1]}, taken=_taken(turn["taken"])
+        )
         for turn in turns
     )
     return encode_trace(Trace(last["run_id"], last["incarnation"], lived))
 
 
-def _taken(links: Sequence[dict[str, int]]) -> tuple[Taken, ...]:
-    return tuple(Taken(**link) for link in links)
+def _taken(links: Sequence[dict[str, int]]) -> tuple[TakenFrames, ...]:
+    return tuple(TakenFrames(**link) for link in links)
 
 
 def of_last_word(word: LastWord, payload: bytes) -> Body:

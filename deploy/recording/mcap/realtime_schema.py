@@ -10,10 +10,10 @@ from deploy.recording.mcap.schema import (
     SENDER,
     TEXT,
     TORQUE,
-    Kind,
+    ChannelKind,
     mirrored,
 )
-from protocol.wire.trace import Lived
+from protocol.wire.trace import TickTrace
 
 IN_FORCE = TORQUE._replace(
     about="The torque frame of a board that was in force in a tick, whenever it had come."
@@ -27,19 +27,19 @@ ELECTED = EPOCH._replace(
         "w_rad": ([NUMBER], "urgencies that they began with, the paper's w; NaN: nobody knows"),
     },
 )
-TURN = Kind(
+TURN = ChannelKind(
     "decmesh.Turn",
     "One pass of a board's loop: what it used, and when. Times are of its own monotonic clock.",
     {
         **SENDER,
         "tick": (INTEGER, "first tick of the slot; frames sent in this pass have it"),
-        **mirrored(Lived),
+        **mirrored(TickTrace),
         "follow": (INTEGER, "turns that follow in the same trace frame"),
         "frame_hex": (TEXT, "that frame, behind its last turn, where encoding does not give it"),
     },
     frozenset({"frame_hex"}),
 )
-LAST_WORD = Kind(
+LAST_WORD = ChannelKind(
     "decmesh.LastWord",
     "A frame that a board has used from a neighbour that is gone now.",
     {
@@ -48,7 +48,7 @@ LAST_WORD = Kind(
         "frame_hex": (TEXT, "a frame of kind 9 of the wire specification, with the link frame"),
     },
 )
-PACE = Kind(
+PACE = ChannelKind(
     "decmesh.Pace",
     "How the plant kept up with the wall clock.",
     {

@@ -22,7 +22,7 @@ Fields = dict[str, tuple[Any, str]]
 """By name: type and description. A type is a plain one, or a list of one: plain, or fields."""
 
 
-class Kind(NamedTuple):
+class ChannelKind(NamedTuple):
     """A kind of message."""
 
     name: str
@@ -122,7 +122,7 @@ def _spelled(meaning: str) -> str:
 TICK: Fields = {"tick": (INTEGER, "below 0 in warm-up; tick 0 releases the body")}
 SENDER: Fields = {name: mirrored(LinkFrame)[name] for name in ("run_id", "incarnation")}
 
-SCENARIO = Kind(
+SCENARIO = ChannelKind(
     "decmesh.Scenario",
     "What was run.",
     {
@@ -134,7 +134,7 @@ SCENARIO = Kind(
         "resolved": (TEXT, "every value of the scenario, as JSON text"),
     },
 )
-FACTS = Kind(
+FACTS = ChannelKind(
     "decmesh.Facts",
     "Where, when and with what it was run.",
     {
@@ -144,7 +144,7 @@ FACTS = Kind(
         "all": (TEXT, "every fact, as JSON text: versions, host, clock"),
     },
 )
-PLANT_TICK = Kind(
+PLANT_TICK = ChannelKind(
     "decmesh.PlantTick",
     "The body in one tick.",
     {
@@ -154,12 +154,12 @@ PLANT_TICK = Kind(
         "torques_nm": ([NUMBER], "torques applied to the joints in the tick"),
     },
 )
-OBSERVATION = Kind(
+OBSERVATION = ChannelKind(
     "decmesh.Observation",
     "What the plant sent to one board at the start of a tick. Computed again from the recording.",
     mirrored(Observation),
 )
-TORQUE = Kind(
+TORQUE = ChannelKind(
     "decmesh.Torque",
     "What a board answered, as recorded.",
     {
@@ -170,7 +170,7 @@ TORQUE = Kind(
     frozenset({"frame_hex"}),
 )
 _SAID = mirrored(LinkFrame, without={"tick", "heard_tick"})
-LINK = Kind(
+LINK = ChannelKind(
     "decmesh.LinkFrame",
     "What a board sent to a neighbour, and what became of it. Computed again, and checked by the"
     " CRC-32 in the sender's receipt; of a board that is not ours, or that did not complete the"
@@ -186,7 +186,7 @@ LINK = Kind(
     },
     frozenset({"sent_crc", "echo_tick", *_SAID}),
 )
-EPOCH = Kind(
+EPOCH = ChannelKind(
     "decmesh.Epoch",
     "One election, when its last round is over. Lists have one entry for each member.",
     {
@@ -200,13 +200,13 @@ EPOCH = Kind(
         "y": ([INTEGER], "enabling variables in the end: 1 moves, 0 holds"),
     },
 )
-EVENT = Kind(
+EVENT = ChannelKind(
     "decmesh.Event",
     "What happened to the robot: commands, boards that came and went, verdicts of the plant.",
     {**TICK, "what": (TEXT, ", ".join(EVENTS)), **_event_fields()},
     frozenset(_event_fields()),
 )
-TIMING = Kind(
+TIMING = ChannelKind(
     "decmesh.Timing",
     "When the plant did what in a tick, on its monotonic clock.",
     {
@@ -217,11 +217,11 @@ TIMING = Kind(
     },
 )
 REPORTS = {
-    kind: Kind(f"decmesh.Board{kind.__name__}", (kind.__doc__ or "").strip(), mirrored(kind))
+    kind: ChannelKind(f"decmesh.Board{kind.__name__}", (kind.__doc__ or "").strip(), mirrored(kind))
     for kind in frames.REPORTS
 }
 """What boards tell for the recording alone."""
-OUTCOME = Kind(
+OUTCOME = ChannelKind(
     "decmesh.Outcome",
     "How the run ended.",
     {
@@ -243,7 +243,7 @@ OUTCOME = Kind(
         ),
     },
 )
-REFUSED = Kind(
+REFUSED = ChannelKind(
     "decmesh.Refused",
     "Frames that boards refused in the whole run, warm-up included.",
     {

@@ -19,7 +19,7 @@ from deploy.outcome.drawing import INK, PALE, board_colour
 from deploy.outcome.figures import DOTS_PER_INCH
 from deploy.recording.epochs import NOT_KNOWN, Epochs
 from deploy.recording.frame_fate import FrameFate
-from deploy.recording.latency import Spread, spread
+from deploy.recording.latency import Distribution, spread
 from deploy.recording.link_counts import FATES, LinkCounts
 from deploy.recording.trajectory import Floats, Integers
 from deploy.report.charts.strips import MISSED
@@ -135,7 +135,7 @@ def over_time(share: Floats, bin_s: float, end_s: float, names: Sequence[str]) -
     return figure
 
 
-def _mark_percentiles(axes: Axes, found: Spread) -> None:
+def _mark_percentiles(axes: Axes, found: Distribution) -> None:
     """Lines from low to high, named above; names that would touch go higher."""
     for row, (name, value) in enumerate(zip(("p50", "p90", "p99", "max"), found[1:], strict=True)):
         axes.axvline(value, color=INK, linewidth=0.7, linestyle=(0, (3, 2)))
@@ -173,7 +173,7 @@ def rounds_matrix(epochs: Epochs, joints: Sequence[str], rounds: int) -> Figure:
 
 
 def ranges(
-    rows: Sequence[tuple[str, Spread]], limits_ms: tuple[float, float], label: str
+    rows: Sequence[tuple[str, Distribution]], limits_ms: tuple[float, float], label: str
 ) -> Figure:
     """Draw a row for each spread: a line from p50 to the most, with dots at the percentiles."""
     figure, axes = _figure(0.72 + ROW_IN * len(rows), left_in=0.95, top_in=0.26)

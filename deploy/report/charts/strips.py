@@ -21,7 +21,7 @@ from deploy.recording.arrays import Recording
 from deploy.recording.epochs import NOT_KNOWN, Epochs
 from deploy.recording.link_counts import missed_share
 from deploy.report.charts.timeline import LOOKS, draw_timeline, lanes_of
-from deploy.report.sections.happenings import Kind, Span, absence
+from deploy.report.sections.happenings import HappeningKind, Span, absence
 
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.98, 0.12, 0.2, 0.36, 0.2
 BOARD_ROW_IN, LINK_ROW_IN, LANE_IN = 0.16, 0.12, 0.17
@@ -135,7 +135,9 @@ def _draw_enabled(axes: Axes, run: Strips) -> None:
         colour = board_colour(board, len(joints))
         axes.broken_barh(bars, (board - 0.38, 0.76), facecolors=colour, linewidth=0)
         gone = _bars(trajectory.state[:, board] == 0, tick_s)
-        hatched = axes.broken_barh(gone, (board - 0.38, 0.76), linewidth=0.0, **LOOKS[Kind.AWAY])
+        hatched = axes.broken_barh(
+            gone, (board - 0.38, 0.76), linewidth=0.0, **LOOKS[HappeningKind.AWAY]
+        )
         if gone and not named:
             hatched.set_label(absence(trajectory.scenario))
         named = named or bool(gone)

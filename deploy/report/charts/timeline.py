@@ -13,24 +13,24 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from deploy.outcome.drawing import INK
-from deploy.report.sections.happenings import Kind, Span
+from deploy.report.sections.happenings import HappeningKind, Span
 
 LETTER_IN = 0.05
 """Width of a letter of a label, about."""
 SHORTENED_LETTERS_MIN = 12
 HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 """Behind a label on hatching."""
-LOOKS: dict[Kind, dict[str, Any]] = {
-    Kind.CUT: {"facecolor": "#222222", "edgecolor": "none"},
-    Kind.FAULTS: {"facecolor": "#ddcc77", "edgecolor": "none"},
-    Kind.AWAY: {"facecolor": "white", "edgecolor": "0.55", "hatch": "/////"},
-    Kind.SYNCING: {"facecolor": "0.8", "edgecolor": "0.55"},
-    Kind.SAFE: {"facecolor": "#ddaa99", "edgecolor": "none"},
-    Kind.FAULT: {"facecolor": "#993322", "edgecolor": "none"},
-    Kind.PUSH: {"facecolor": "#882255", "edgecolor": "none"},
-    Kind.APART: {"facecolor": "#bbbbbb", "edgecolor": "none"},
+LOOKS: dict[HappeningKind, dict[str, Any]] = {
+    HappeningKind.CUT: {"facecolor": "#222222", "edgecolor": "none"},
+    HappeningKind.FAULTS: {"facecolor": "#ddcc77", "edgecolor": "none"},
+    HappeningKind.AWAY: {"facecolor": "white", "edgecolor": "0.55", "hatch": "/////"},
+    HappeningKind.SYNCING: {"facecolor": "0.8", "edgecolor": "0.55"},
+    HappeningKind.SAFE: {"facecolor": "#ddaa99", "edgecolor": "none"},
+    HappeningKind.FAULT: {"facecolor": "#993322", "edgecolor": "none"},
+    HappeningKind.PUSH: {"facecolor": "#882255", "edgecolor": "none"},
+    HappeningKind.APART: {"facecolor": "#bbbbbb", "edgecolor": "none"},
 }
-ON_DARK = {Kind.CUT, Kind.PUSH, Kind.FAULT}
+ON_DARK = {HappeningKind.CUT, HappeningKind.PUSH, HappeningKind.FAULT}
 
 
 def lanes_of(happened: Sequence[Span]) -> list[str]:
@@ -47,7 +47,7 @@ def draw_timeline(
         spans = [span for span in happened if span.lane == lane]
         for span in spans:
             start_s, length_s = span.first_tick * tick_s, _ticks(span) * tick_s
-            if span.kind is Kind.MOMENT:
+            if span.kind is HappeningKind.MOMENT:
                 axes.plot([start_s], [row], "D", color=INK, markersize=2.6, clip_on=False)
             else:
                 drawn_s = max(length_s, 0.2 * letter_s)
@@ -55,7 +55,7 @@ def draw_timeline(
         labelled = [
             span
             for span in spans
-            if span.kind is not Kind.SYNCING or _ticks(span) * tick_s > letter_s
+            if span.kind is not HappeningKind.SYNCING or _ticks(span) * tick_s > letter_s
         ]
         afters = [*labelled[1:], None][: len(labelled)]
         for span, after in zip(labelled, afters, strict=True):
@@ -71,7 +71,7 @@ def draw_timeline(
                 size=5.5,
                 va="center",
                 color="white" if inside and span.kind in ON_DARK else INK,
-                bbox=HALO if inside and span.kind is Kind.AWAY else None,
+                bbox=HALO if inside and span.kind is HappeningKind.AWAY else None,
                 zorder=3,
             )
 

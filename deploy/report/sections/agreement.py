@@ -11,7 +11,7 @@ from deploy.recording.latency import decisions_ns
 from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
-from deploy.report.page import Block, Figure, Section, Table
+from deploy.report.page import Block, Figure, PageTable, Section
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
@@ -88,7 +88,7 @@ def _decisions_ms(run: ReportedRun) -> Floats:
     return taken_ms
 
 
-def _ticks_table(runs: Sequence[ReportedRun], electing: Sequence[ReportedRun]) -> Table:
+def _ticks_table(runs: Sequence[ReportedRun], electing: Sequence[ReportedRun]) -> PageTable:
     rows = []
     for run in electing:
         assert run.epochs is not None
@@ -110,7 +110,7 @@ def _ticks_table(runs: Sequence[ReportedRun], electing: Sequence[ReportedRun]) -
     )
 
 
-def _decision_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
+def _decision_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> PageTable:
     rows = []
     for run in timed:
         taken_ms = _decisions_ms(run)

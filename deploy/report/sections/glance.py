@@ -6,9 +6,9 @@ import numpy as np
 
 from deploy.recording.epochs import NOT_KNOWN
 from deploy.recording.frame_fate import FrameFate
-from deploy.recording.latency import Spread, decisions_ns, spread, ticks_ns
+from deploy.recording.latency import Distribution, decisions_ns, spread, ticks_ns
 from deploy.recording.link_counts import MISSED, total
-from deploy.report.page import Section, Table
+from deploy.report.page import PageTable, Section
 from deploy.report.runs import ReportedRun
 from deploy.report.sections.run_table import NONE
 
@@ -19,7 +19,7 @@ DIGITS = 12
 def glance(runs: Sequence[ReportedRun]) -> Section:
     """Facts and outcomes, one column for each run."""
     header = ["", *(run.label for run in runs)]
-    facts = Table(
+    facts = PageTable(
         "Facts and outcomes",
         "One row for each fact, one column for each run; equal digests of the motion mean equal"
         " motion to the last bit.",
@@ -90,7 +90,7 @@ def _decision(run: ReportedRun) -> str:
     return _ms(found)
 
 
-def _ms(found: Spread | None) -> str:
+def _ms(found: Distribution | None) -> str:
     if found is None:
         return NONE
     return f"{found.p50 / 1e6:.2f} ms (p50), {found.p99 / 1e6:.2f} ms (p99)"

@@ -16,7 +16,7 @@ from deploy.report.words import (
     ALL_LINKS,
     APART,
     Pair,
-    Words,
+    Wording,
     faults_in_words,
     lanes_in_words,
     pairs_of,
@@ -43,7 +43,7 @@ from protocol.robot.states import State
 PUSHED, REFERENCE = "pushed", "reference"
 
 
-class Kind(StrEnum):
+class HappeningKind(StrEnum):
     """What a span of the timeline shows."""
 
     CUT = "cut"
@@ -59,17 +59,17 @@ class Kind(StrEnum):
 
 
 STATES = {
-    Kind.AWAY: 0,
-    Kind.SYNCING: State.SYNCING,
-    Kind.SAFE: State.SAFE,
-    Kind.FAULT: State.FAULT,
+    HappeningKind.AWAY: 0,
+    HappeningKind.SYNCING: State.SYNCING,
+    HappeningKind.SAFE: State.SAFE,
+    HappeningKind.FAULT: State.FAULT,
 }
 """In which a board does not drive."""
 
 
 def absence(scenario: Scenario) -> str:
     """Name what a board is that says nothing: in realtime it may be there, and too late."""
-    return Kind.AWAY if scenario.realtime is None else "silent"
+    return HappeningKind.AWAY if scenario.realtime is None else "silent"
 
 
 class Span(NamedTuple):
@@ -78,7 +78,7 @@ class Span(NamedTuple):
     lane: str
     first_tick: int
     end_tick: int
-    kind: Kind
+    kind: HappeningKind
     label: str
 
 
@@ -105,7 +105,7 @@ def told(trajectory: Trajectory) -> list[Happening]:
 
     Before them what was bad from the start, after them how it ended if it did not complete.
     """
-    tell = Words(trajectory.scenario)
+    tell = Wording(trajectory.scenario)
     happened = [Happening(0, words) for words in tell.standing()]
     happened += [
         Happening(tick, tell.event(event))
@@ -127,7 +127,7 @@ def _link_spans(trajectory: Trajectory) -> Iterator[Span]:
             alike.setdefault(found, []).append(pair)
     rows = []
     for (first, end, parameters), bad in alike.items():
-        kind = Kind.CUT if parameters.cut else Kind.FAULTS
+        kind = HappeningKind.CUT if parameters.cut else HappeningKind.FAULTS
         label = faults_in_words(parameters._asdict(), trajectory.tick_s)
         lanes = {ALL_LINKS: -1} if bad == pairs else lanes_in_words(bad, joints)
         rows += [(order, Span(lane, first, end, kind, label)) for lane, order in lanes.items()]
@@ -155,15 +155,16 @@ def _board_spans(trajectory: Trajectory) -> Iterator[Span]:
     away = absence(trajectory.scenario)
     for board, joint in enumerate(trajectory.scenario.joints):
         found = [
-            Span(joint, first, end, kind, away if kind is Kind.AWAY else kind)
+            Span(joint, first, end, kind, away if kind is HappeningKind.AWAY else kind)
             for kind, state in STATES.items()
             for first, end in spans(trajectory.state[:, board] == state)
-            if first > 0 or kind is not Kind.SYNCING  # In realtime what was said in warm-up holds.
+            if first > 0
+            or kind is not HappeningKind.SYNCING  # In realtime what was said in warm-up holds.
         ]
         why = dict(_failures(trajectory, board))
         for span in sorted(found, key=lambda span: span.first_tick):
             since = [tick for tick in why if tick <= span.first_tick]
-            known = span.kind is Kind.FAULT and since
+            known = span.kind is HappeningKind.FAULT and since
             yield span._replace(label=why[since[-1]]) if known else span
 
 
@@ -183,7 +184,9 @@ def _sensor_spans(trajectory: Trajectory) -> Iterator[Span]:
         if event.fault != OK:
             label = f"{'all of them' if sensor == ALL else sensor} {event.fault}"
             end = min([*ends, trajectory.ticks])
-            yield Span(f"{joints[event.board]} sensors", max(tick, 0), end, Kind.FAULTS, label)
+            yield Span(
+                f"{joints[event.board]} sensors", max(tick, 0), end, HappeningKind.FAULTS, label
+            )
 
 
 def _failures(trajectory: Trajectory, board: int) -> Iterator[tuple[int, str]]:
@@ -197,16 +200,16 @@ def _side_spans(trajectory: Trajectory) -> Iterator[Span]:
     changes = [(tick, event.sides) for tick, event in trajectory.events if isinstance(event, Sides)]
     for tick, sides in [*changes, (trajectory.ticks, ())]:
         if label and tick > since:
-            yield Span(APART, since, tick, Kind.APART, label)
+            yield Span(APART, since, tick, HappeningKind.APART, label)
         since, label = max(tick, 0), sides_in_words(sides, joints) if len(sides) > 1 else ""
 
 
 def _moments_and_pushes(trajectory: Trajectory) -> Iterator[Span]:
-    tell = Words(trajectory.scenario)
+    tell = Wording(trajectory.scenario)
     for tick, event in trajectory.events:
         if isinstance(event, Disturbance):
             end = min(tick + event.ticks, trajectory.ticks)
-            yield Span(PUSHED, tick, end, Kind.PUSH, tell.label(event))
+            yield Span(PUSHED, tick, end, HappeningKind.PUSH, tell.label(event))
         elif isinstance(event, ReferenceChange):
             label = f"{tell.joints[event.board]} {math.degrees(event.reference_rad):g}°"
-            yield Span(REFERENCE, tick, tick, Kind.MOMENT, label)
+            yield Span(REFERENCE, tick, tick, HappeningKind.MOMENT, label)

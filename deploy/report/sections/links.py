@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from deploy.recording.frame_fate import FrameFate
-from deploy.recording.latency import Spread, spread, ways_ns
+from deploy.recording.latency import Distribution, spread, ways_ns
 from deploy.recording.link_counts import FATES
 from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import log_limits
-from deploy.report.page import Block, Figure, Section, Table
+from deploy.report.page import Block, Figure, PageTable, Section
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
@@ -93,7 +93,7 @@ def _why_untimed(run: ReportedRun) -> str:
 def _way_figures(
     runs: Sequence[ReportedRun], ways: dict[int, list[tuple[str, Floats]]], pictures: Pictures
 ) -> list[Figure]:
-    rows: dict[int, list[tuple[str, Spread]]] = {
+    rows: dict[int, list[tuple[str, Distribution]]] = {
         number: [(name, times) for name, of in found if (times := spread(of)) is not None]
         for number, found in ways.items()
     }
@@ -111,7 +111,7 @@ def _way_figures(
     )
 
 
-def _links_table(runs: Sequence[ReportedRun], linked: Sequence[ReportedRun]) -> Table:
+def _links_table(runs: Sequence[ReportedRun], linked: Sequence[ReportedRun]) -> PageTable:
     found = {fate for run in linked for link in run.links for fate in FATES if link.fates[fate]}
     used = [fate for fate in FATES if fate in found | ALWAYS_COUNTED]
     rows = [
@@ -140,7 +140,7 @@ def _links_table(runs: Sequence[ReportedRun], linked: Sequence[ReportedRun]) -> 
     )
 
 
-def _refused_table(runs: Sequence[ReportedRun]) -> list[Table]:
+def _refused_table(runs: Sequence[ReportedRun]) -> list[PageTable]:
     """What boards refused though no link model had touched it: trouble of the real network."""
     rows = [
         (run, [joint, _reasons(refused)])
@@ -158,7 +158,9 @@ def _refused_table(runs: Sequence[ReportedRun]) -> list[Table]:
     return [run_table(runs, "Refused from the network", reading, header, rows, last_is_text=True)]
 
 
-def _ways_table(runs: Sequence[ReportedRun], ways: dict[int, list[tuple[str, Floats]]]) -> Table:
+def _ways_table(
+    runs: Sequence[ReportedRun], ways: dict[int, list[tuple[str, Floats]]]
+) -> PageTable:
     rows = [
         (run, [name, *spread_cells(ways_ms, ".3f")])
         for run in runs

@@ -13,7 +13,7 @@ from deploy.outcome import figures
 from deploy.outcome import table_ii as table
 from deploy.report.charts.spacetime import Scene, spacetime, telling_epoch
 from deploy.report.charts.strips import Strips, limits, strips
-from deploy.report.page import Block, Figure, Section, Table
+from deploy.report.page import Block, Figure, PageTable, Section
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, remarks, titled
 from deploy.report.sections.foot import foot
@@ -40,10 +40,11 @@ def motion(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     return Section("motion", "Motion", [panels, _indices(runs), *foot(runs, pictures)])
 
 
-def _indices(runs: Sequence[ReportedRun]) -> Table:
+def _indices(runs: Sequence[ReportedRun]) -> PageTable:
     """Table II, the paper's numbers before ours where the run is of the paper's scenario."""
     columns = [
-        table.Run(int(run.summary["controller"] == "distributed"), run.summary) for run in runs
+        table.ColumnRun(int(run.summary["controller"] == "distributed"), run.summary)
+        for run in runs
     ]
     papers = [run for run in columns if run.summary["scenario"] == table.PAPER_SCENARIO]
     letters = table.letters_of(papers)
@@ -61,7 +62,7 @@ def _indices(runs: Sequence[ReportedRun]) -> Table:
                     ours = table.value_of(name, index.key, column)
                     cells.append(table.written(index, ours))
             rows.append(cells)
-    return Table(
+    return PageTable(
         "Dynamic performance",
         "Each controlled variable's overshoot past its goal, rise and settling, and the work of all"
         " joints: the indices of the paper's Table II, of which smaller is better.",
@@ -143,7 +144,7 @@ def happenings(runs: Sequence[ReportedRun]) -> Section:
         rows = [[f"{tick * tick_s:.3f}", f"{tick:,}", words] for tick, words in run.told]
         if rows:
             blocks.append(
-                Table(
+                PageTable(
                     titled("What happened", run, runs),
                     "Commands, boards that came, went and failed, and verdicts of the plant, each"
                     " with the tick from which it holds; the timeline under the elections draws"

@@ -8,12 +8,12 @@ from matplotlib.figure import Figure as Drawing
 from deploy.outcome.drawing import board_colour
 from deploy.outcome.realtime_table import verdict
 from deploy.recording.epochs import NOT_KNOWN
-from deploy.recording.latency import Spread, spread
-from deploy.recording.realtime_times import BoardTimes, RealtimeTimes
+from deploy.recording.latency import Distribution, spread
+from deploy.recording.realtime_times import OwnTimeBoardTimes, RealtimeTimes
 from deploy.recording.trajectory import Floats
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
-from deploy.report.page import Block, Figure, Remark, Section, Table
+from deploy.report.page import Block, Figure, PageTable, Remark, Section
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import NONE, SPREAD_HEADER, run_table, spread_cells
@@ -21,7 +21,7 @@ from deploy.report.sections.run_table import NONE, SPREAD_HEADER, run_table, spr
 POLICIES = {"skip": "left out", "catch-up": "made up for, up to 10 at a time"}
 BIN_S = 0.1
 """Missed deadlines are counted in stretches of this length."""
-Of = Callable[[BoardTimes], Floats]
+Of = Callable[[OwnTimeBoardTimes], Floats]
 
 
 def realtime(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
@@ -78,7 +78,7 @@ def _times(run: ReportedRun) -> RealtimeTimes:
     return times
 
 
-def _boards(run: ReportedRun) -> Iterator[tuple[str, BoardTimes]]:
+def _boards(run: ReportedRun) -> Iterator[tuple[str, OwnTimeBoardTimes]]:
     return zip(run.joints, _times(run).boards, strict=True)
 
 
@@ -105,7 +105,7 @@ def _missed_figures(kept: Sequence[ReportedRun], pictures: Pictures) -> list[Fig
     )
 
 
-def _missed_shares(board: BoardTimes, length_s: float) -> Floats:
+def _missed_shares(board: OwnTimeBoardTimes, length_s: float) -> Floats:
     """Share of the deadlines missed in each stretch of `BIN_S`; NaN where the board had none."""
     bins = max(1, int(np.ceil(length_s / BIN_S - 1e-9)))
     where = np.minimum((board.due_s / BIN_S).astype(np.int64), bins - 1)
@@ -151,7 +151,7 @@ def _ages(run: ReportedRun) -> Iterator[tuple[str, Floats]]:
 
 
 def _age_figures(kept: Sequence[ReportedRun], pictures: Pictures) -> list[Figure]:
-    rows: dict[int, list[tuple[str, Spread]]] = {
+    rows: dict[int, list[tuple[str, Distribution]]] = {
         run.number: [(name, found) for name, of in _ages(run) if (found := spread(of)) is not None]
         for run in kept
     }
@@ -170,7 +170,7 @@ def _age_figures(kept: Sequence[ReportedRun], pictures: Pictures) -> list[Figure
     )
 
 
-def _deadline_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
+def _deadline_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> PageTable:
     rows = []
     for run in kept:
         policy = POLICIES[_times(run).policy]
@@ -192,7 +192,7 @@ def _deadline_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) ->
     )
 
 
-def _loop_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
+def _loop_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> PageTable:
     rows = []
     for run in kept:
         for joint, board in _boards(run):
@@ -212,7 +212,7 @@ def _loop_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Tab
     )
 
 
-def _age_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Table:
+def _age_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> PageTable:
     rows = [
         (run, [name, *spread_cells(ages_ms, ".3f")]) for run in kept for name, ages_ms in _ages(run)
     ]
@@ -226,7 +226,9 @@ def _age_table(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Tabl
     )
 
 
-def _election_tables(runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]) -> Iterator[Table]:
+def _election_tables(
+    runs: Sequence[ReportedRun], kept: Sequence[ReportedRun]
+) -> Iterator[PageTable]:
     rows = []
     for run in kept:
         epochs = run.epochs

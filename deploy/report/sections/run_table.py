@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from deploy.recording.latency import Spread, spread
+from deploy.recording.latency import Distribution, spread
 from deploy.recording.trajectory import Floats
-from deploy.report.page import Table
+from deploy.report.page import PageTable
 from deploy.report.runs import ReportedRun
 
 NONE = "-"
@@ -25,11 +25,11 @@ def run_table(
     *,
     last_is_text: bool = False,
     notes: Sequence[tuple[str, str]] = (),
-) -> Table:
+) -> PageTable:
     """Make a table whose first column names the run, where the report is of several."""
     several = len(runs) > 1
     texts = {*range(1 + several), *([len(header) - 1 + several] if last_is_text else [])}
-    return Table(
+    return PageTable(
         title,
         reading,
         [*["run"] * several, *header],
@@ -41,7 +41,7 @@ def run_table(
 
 def spread_cells(values: Floats, digits: str) -> list[str]:
     """Write how values lie, below `SPREAD_HEADER`."""
-    found: Spread | None = spread(values)
+    found: Distribution | None = spread(values)
     if found is None:
         return ["0", *[NONE] * 4]
     return [f"{found.known:,}", *(format(value, digits) for value in found[1:])]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from deploy.recording.latency import gaps_ns, ticks_ns, waits
 from deploy.report.charts import spreads as charts
 from deploy.report.charts.spreads import Group, log_limits
-from deploy.report.page import Block, Section, Table
+from deploy.report.page import Block, PageTable, Section
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, remarks
 from deploy.report.sections.run_table import (
@@ -52,7 +52,7 @@ def effort(runs: Sequence[ReportedRun], pictures: Pictures) -> Section:
     return Section("time", "Time and effort", blocks)
 
 
-def _time_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
+def _time_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> PageTable:
     rows = [
         (run, [name, *spread_cells(values_ns / NS_PER_MS, ".3f")])
         for run in timed
@@ -71,7 +71,7 @@ def _time_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Ta
     )
 
 
-def _waits_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> Table:
+def _waits_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> PageTable:
     rows = []
     for run in timed:
         found = waits(run.recording)
@@ -89,7 +89,7 @@ def _waits_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> T
     )
 
 
-def _effort_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> list[Table]:
+def _effort_table(runs: Sequence[ReportedRun], timed: Sequence[ReportedRun]) -> list[PageTable]:
     rows = []
     for run in timed:
         wall_s = run.summary["wall_s"]

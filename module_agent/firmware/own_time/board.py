@@ -19,14 +19,14 @@ from module_agent.firmware.election import NOTHING_MARKED
 from module_agent.firmware.own_time.mailbox import Mailbox
 from module_agent.firmware.own_time.translator import OwnTime
 from protocol.wire.frames import NO_TICK, Neighbour, Observation, ProtocolError, Reason
-from protocol.wire.trace import LastWord, Mark, Taken
+from protocol.wire.trace import LastWord, Mark, TakenFrames
 
 
-class Used(NamedTuple):
+class SlotInputs(NamedTuple):
     """What a slot was played with."""
 
     seen_tick: int
-    taken: tuple[Taken, ...]
+    taken: tuple[TakenFrames, ...]
     marks: Mark
 
 
@@ -81,12 +81,12 @@ class OwnTimeBoard:
         return board.step(slot, self.own_time.round(slot), self.own_time.observation(latest))
 
     @property
-    def used(self) -> Used:
+    def used(self) -> SlotInputs:
         """What the last slot was played with."""
         taken = tuple(mailbox.taken for mailbox in self._mailboxes)
         election = self.board.election
         marks = NOTHING_MARKED if election is None else election.marks
-        return Used(self.seen_tick, taken, marks)
+        return SlotInputs(self.seen_tick, taken, marks)
 
     def _collect_last_frames(self, roster: tuple[Neighbour, ...]) -> None:
         """Keep the last frames of neighbours that have left the roster."""

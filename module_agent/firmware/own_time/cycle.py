@@ -14,10 +14,10 @@ Rule: it has no clock. Whoever drives it brings the time, and does the waiting a
 
 from module_agent.firmware.config import BoardConfig
 from module_agent.firmware.own_time.board import OwnTimeBoard
-from module_agent.firmware.own_time.deadline_reporter import Strain, Turned
-from module_agent.firmware.own_time.pacing import Loop, Turn
+from module_agent.firmware.own_time.deadline_reporter import DeadlineReporter, TurnAccount
+from module_agent.firmware.own_time.pacing import LoopTurn, PeriodicLoop
 from protocol.wire.frames import encode
-from protocol.wire.trace import Lived, Mark
+from protocol.wire.trace import Mark, TickTrace
 from protocol.wire.trace_differences import TraceWriter
 
 
@@ -28,13 +28,13 @@ class Cycle:
         """`config` is the board's in the plant's ticks."""
         own_time, tick_ns = board.own_time, round(config.tick_s * 1e9)
         self.board = board
-        self.loop = Loop(
+        self.loop = PeriodicLoop(
             tick_ns=tick_ns,
             ticks_per_period=own_time.ticks_per_period,
             phase=(config.boards - config.index) / (config.boards + 1),
             catches_up=own_time.cadence.catches_up,
         )
-        self.strain = Strain(
+        self.strain = DeadlineReporter(
             period_ns=self.loop.period_ns, silent_ns_max=own_time.cadence.age_ticks_max * tick_ns
         )
         self._observed_ns = 0
@@ -44,7 +44,7 @@ class Cycle:
             links=len(config.neighbours),
         )
         self._woke_ns = 0
-        self._turn = Turn((), 0, 0, 0)
+        self._turn = LoopTurn((), 0, 0, 0)
         self._skipped = 0
         self._missed = 0
 
@@ -59,7 +59,7 @@ class Cycle:
         self.loop.observed(self.board.seen_tick, arrived_ns)
         self._observed_ns = arrived_ns
 
-    def wake(self, now_ns: int) -> Turn | None:
+    def wake(self, now_ns: int) -> LoopTurn | None:
         """What there is to play; None if nothing is due."""
         turn = self.loop.wake(now_ns)
         if turn is not None:
@@ -74,7 +74,7 @@ class Cycle:
         used = self.board.used
         late = slot != last or now_ns > self.loop.next_ns
         self._missed += late
-        lived = Lived(
+        lived = TickTrace(
             slot=slot,
             woke_us=self._woke_ns // 1000,
             late_us=turn.late_ns // 1000,
@@ -92,7 +92,9 @@ class Cycle:
         """End a turn; return a line for the user if there is one, and it is time for it."""
         late_ns = self._turn.late_ns + now_ns - self._woke_ns - self.loop.period_ns
         silent_ns = now_ns - self._observed_ns
-        return self.strain.turned(Turned(now_ns, self._missed, late_ns, computing_ns, silent_ns))
+        return self.strain.turned(
+            TurnAccount(now_ns, self._missed, late_ns, computing_ns, silent_ns)
+        )
 
     def last_words(self) -> list[bytes]:
         """Frames for the plant: what was heard last of neighbours that are gone."""

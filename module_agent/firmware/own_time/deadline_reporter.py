@@ -17,7 +17,7 @@ MS = 1e-6
 """Milliseconds in a nanosecond."""
 
 
-class Turned(NamedTuple):
+class TurnAccount(NamedTuple):
     """A turn of the loop, when it is done."""
 
     done_ns: int
@@ -31,7 +31,7 @@ class Turned(NamedTuple):
     """Time since the latest observation came."""
 
 
-class Strain:
+class DeadlineReporter:
     """Missed deadlines of one board, for people."""
 
     def __init__(self, *, period_ns: int, silent_ns_max: int) -> None:
@@ -46,7 +46,7 @@ class Strain:
         self._computing_ns = 0
         self._silent_ns = 0
 
-    def turned(self, turn: Turned) -> str | None:
+    def turned(self, turn: TurnAccount) -> str | None:
         """Take a turn; return a line if there is something to say and it is time to."""
         self.missed += turn.missed
         if turn.missed:

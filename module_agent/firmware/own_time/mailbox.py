@@ -26,13 +26,13 @@ from protocol.wire.frames import (
     Reason,
     receive,
 )
-from protocol.wire.trace import Taken
+from protocol.wire.trace import TakenFrames
 
 STALE_PERIODS = 64
 """What was said longer ago is of no use to anybody: a backlog."""
 BEFORE_PERIODS_MAX = 63
 """Of what is taken in one period, all was said within so many of the sender's: a trace has no room
-for more (`Taken.before`)."""
+for more (`TakenFrames.before`)."""
 FRAMES_MAX = 4
 """The newest ones of a neighbour; it says no more in a period unless it is faster, or storms."""
 KEPT_MAX = 32
@@ -42,7 +42,7 @@ INCARNATIONS_MAX = 2
 """A neighbour, and the one that is about to take its place."""
 
 
-class Arrived(NamedTuple):
+class ArrivedFrame(NamedTuple):
     """A frame, and how it came."""
 
     frame: LinkFrame
@@ -54,12 +54,12 @@ class Mailbox(LinkEnd):
 
     def __init__(self, link: LinkModel, own_time: OwnTime, *, run_id: int, boards: int) -> None:
         super().__init__(link, run_id=run_id, boards=boards)
-        self.taken = Taken(NO_TICK, 0)
+        self.taken = TakenFrames(NO_TICK, 0)
         self.kept: deque[bytes] = deque(maxlen=KEPT_MAX)
         """The newest frames that were taken, as they came."""
         self._own_time = own_time
         self._sender_period_ticks = own_time.cadence.ticks_per_period[link.sender]
-        self._arrived: dict[int, dict[int, Arrived]] = {}
+        self._arrived: dict[int, dict[int, ArrivedFrame]] = {}
         """By incarnation and tick."""
         self._late: dict[int, list[LinkFrame]] = {}
         """By the own period in which it is heard."""
@@ -75,7 +75,7 @@ class Mailbox(LinkEnd):
             self.refused[error.reason] += 1
             return NO_TICK
         frames = self._arrived.setdefault(frame.incarnation, {})
-        frames[frame.tick] = Arrived(frame, payload)
+        frames[frame.tick] = ArrivedFrame(frame, payload)
         if len(frames) > FRAMES_MAX:
             del frames[min(frames)]
         if len(self._arrived) > INCARNATIONS_MAX:
@@ -103,7 +103,7 @@ class Mailbox(LinkEnd):
             used = {age: arrived for age, arrived in ages.items() if age <= BEFORE_PERIODS_MAX}
             if len(used) < len(ages):
                 self.refused[Reason.TICK] += len(ages) - len(used)
-            self.taken = Taken(newest, sum(1 << (age - 1) for age in used if age))
+            self.taken = TakenFrames(newest, sum(1 << (age - 1) for age in used if age))
             for arrived in used.values():
                 self.kept.append(arrived.payload)
                 self._meet_fate(arrived, tick)
@@ -118,7 +118,7 @@ class Mailbox(LinkEnd):
         if tick % self._sender_period_ticks:
             raise ProtocolError(Reason.TICK, f"tick {tick} begins no period")
 
-    def _age(self, arrived: Arrived, newest_tick: int) -> int:
+    def _age(self, arrived: ArrivedFrame, newest_tick: int) -> int:
         """How many of its sender's periods before the newest one a frame was said."""
         return (newest_tick - arrived.frame.tick) // self._sender_period_ticks
 
@@ -127,11 +127,11 @@ class Mailbox(LinkEnd):
         self.incarnation = incarnation
         self._late.clear()
         self.link.restart()
-        self.newest_tick, self.taken = NO_TICK, Taken(NO_TICK, 0)
+        self.newest_tick, self.taken = NO_TICK, TakenFrames(NO_TICK, 0)
         for gone in [known for known in self._arrived if known < incarnation]:
             del self._arrived[gone]
 
-    def _is_current(self, arrived: Arrived, now_tick: int) -> bool:
+    def _is_current(self, arrived: ArrivedFrame, now_tick: int) -> bool:
         said_tick = arrived.frame.tick
         if said_tick <= self.taken.newest_tick:
             return False  # Said again, or overtaken on the way: nobody's fault.
@@ -141,7 +141,7 @@ class Mailbox(LinkEnd):
             return False
         return True
 
-    def _meet_fate(self, arrived: Arrived, tick: int) -> None:
+    def _meet_fate(self, arrived: ArrivedFrame, tick: int) -> None:
         """Put a frame where it is heard: now, later, twice, or not at all."""
         frame, payload = arrived
         if frame.tick < 0:

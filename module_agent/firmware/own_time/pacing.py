@@ -23,7 +23,7 @@ LATE_SLOTS_MAX = 1.5
 """A slot is played within this of its beginning; from 0 to 1 if the clocks agreed."""
 
 
-class Due(NamedTuple):
+class DuePeriods(NamedTuple):
     """Periods that have begun since the last time."""
 
     periods: int
@@ -45,14 +45,14 @@ class Deadlines:
         """When the next period begins, and the one before has to be done."""
         return self.start_ns + self._begun * self.period_ns
 
-    def wake(self, now_ns: int) -> Due | None:
+    def wake(self, now_ns: int) -> DuePeriods | None:
         """The periods that have begun; None if none has."""
         late_ns = now_ns - self.next_ns
         if late_ns < 0:
             return None
         periods = 1 + late_ns // self.period_ns
         self._begun += periods
-        return Due(periods, late_ns)
+        return DuePeriods(periods, late_ns)
 
 
 class Slots:
@@ -79,7 +79,7 @@ class Slots:
         return slot
 
 
-class Turn(NamedTuple):
+class LoopTurn(NamedTuple):
     """What a board has to do when it wakes up."""
 
     slots: tuple[int, ...]
@@ -91,7 +91,7 @@ class Turn(NamedTuple):
     """Time since the last of the slots began, by the plant's ticks."""
 
 
-class Loop:
+class PeriodicLoop:
     """The loop of one board, from its first observation on.
 
     `phase` is where in the plant's period the own ones begin, as a share: boards that take turns
@@ -122,7 +122,7 @@ class Loop:
             start_ns = arrived_ns - into_period_ns + self._phase_ns
             self._deadlines = Deadlines(start_ns=start_ns, period_ns=self.period_ns)
 
-    def wake(self, now_ns: int) -> Turn | None:
+    def wake(self, now_ns: int) -> LoopTurn | None:
         """What there is to do; None if it is too early for anything."""
         due = None if self._deadlines is None else self._deadlines.wake(now_ns)
         if due is None:
@@ -131,11 +131,11 @@ class Loop:
         before = self.slots.last
         slot = self.slots.after(due.periods, position)
         if slot is None:
-            return Turn((), due.periods - 1, due.late_ns, 0)
+            return LoopTurn((), due.periods - 1, due.late_ns, 0)
         first = slot
         if self._catches_up and before is not None:
             first = max(before + 1, slot - CATCH_UP_MAX + 1)
         slots = tuple(range(first, slot + 1))
         skipped = max(0, due.periods - len(slots))
         phase_ns = round((position - slot) * self.period_ns)
-        return Turn(slots, skipped, due.late_ns, phase_ns)
+        return LoopTurn(slots, skipped, due.late_ns, phase_ns)

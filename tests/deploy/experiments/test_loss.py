@@ -12,9 +12,9 @@ from rich.console import Console
 
 from deploy.experiments.consensus.theory import several_enabled
 from deploy.experiments.loss import (
-    Case,
+    LossCase,
+    LossResult,
     Mean,
-    Result,
     grid,
     means,
     measure,
@@ -32,7 +32,7 @@ SMALL = grid(seeds=2, duration_s=0.3, losses=(0.0, 0.5), rounds=(2, 8))
 
 
 @pytest.fixture(scope="module")
-def results() -> list[Result]:
+def results() -> list[LossResult]:
     found, complete = work_off(measure, SMALL, lambda _result: None)
     assert complete
     return found
@@ -62,7 +62,7 @@ def test_a_study_of_an_impossible_scenario_is_refused_before_it_begins() -> None
         grid(seeds=1, duration_s=0.01234)
 
 
-def test_it_is_the_same_on_any_number_of_cores(results: list[Result], tmp_path: Path) -> None:
+def test_it_is_the_same_on_any_number_of_cores(results: list[LossResult], tmp_path: Path) -> None:
     alone = [measure(case) for case in SMALL]
     write_csv(alone, tmp_path / "alone.csv")
     write_csv(results, tmp_path / "together.csv")
@@ -70,7 +70,7 @@ def test_it_is_the_same_on_any_number_of_cores(results: list[Result], tmp_path: 
 
 
 def test_the_file_has_a_row_for_each_run_in_the_order_of_the_grid(
-    results: list[Result], tmp_path: Path
+    results: list[LossResult], tmp_path: Path
 ) -> None:
     write_csv(results, tmp_path / "loss.csv")
     found = rows(tmp_path / "loss.csv")
@@ -78,7 +78,7 @@ def test_the_file_has_a_row_for_each_run_in_the_order_of_the_grid(
     assert cases == sorted((case.loss, case.rounds, case.seed) for case in SMALL)
 
 
-def test_the_table_has_the_means_of_the_file(results: list[Result], tmp_path: Path) -> None:
+def test_the_table_has_the_means_of_the_file(results: list[LossResult], tmp_path: Path) -> None:
     write_csv(results, tmp_path / "loss.csv")
     found = rows(tmp_path / "loss.csv")
     table = shown(list(means(results)))
@@ -96,7 +96,7 @@ def test_the_table_has_the_means_of_the_file(results: list[Result], tmp_path: Pa
         assert line[-1] == "0/2"
 
 
-def test_without_loss_nothing_is_astray_and_everybody_agrees(results: list[Result]) -> None:
+def test_without_loss_nothing_is_astray_and_everybody_agrees(results: list[LossResult]) -> None:
     for result in results:
         if result.loss == 0.0:
             assert result.agreed == result.epochs > 0
@@ -105,9 +105,9 @@ def test_without_loss_nothing_is_astray_and_everybody_agrees(results: list[Resul
             assert result.holding == result.extrapolating == result.reckoning == 0.0
 
 
-def test_a_run_that_ends_before_it_stands_has_no_figure_for_it(results: list[Result]) -> None:
+def test_a_run_that_ends_before_it_stands_has_no_figure_for_it(results: list[LossResult]) -> None:
     assert all(result.standing_deg is None for result in results)
-    standing_deg = measure(Case(0.0, 2, 1, 2.5)).standing_deg
+    standing_deg = measure(LossCase(0.0, 2, 1, 2.5)).standing_deg
     assert standing_deg is not None
     assert 0.0 < standing_deg < 5.0
 
@@ -115,7 +115,7 @@ def test_a_run_that_ends_before_it_stands_has_no_figure_for_it(results: list[Res
 def test_what_is_done_when_it_is_stopped_is_kept(tmp_path: Path) -> None:
     done = 0
 
-    def stop_after_two(_result: Result) -> None:
+    def stop_after_two(_result: LossResult) -> None:
         nonlocal done
         done += 1
         if done == 2:
@@ -130,7 +130,9 @@ def test_what_is_done_when_it_is_stopped_is_kept(tmp_path: Path) -> None:
     assert loss_figure(list(means(found)), tmp_path / "loss")
 
 
-def test_the_figure_is_the_same_for_the_same_results(results: list[Result], tmp_path: Path) -> None:
+def test_the_figure_is_the_same_for_the_same_results(
+    results: list[LossResult], tmp_path: Path
+) -> None:
     for name in ("a", "b"):
         assert [path.name for path in loss_figure(list(means(results)), tmp_path / name)] == [
             f"{name}.svg",
@@ -141,7 +143,7 @@ def test_the_figure_is_the_same_for_the_same_results(results: list[Result], tmp_
         assert drawn == (tmp_path / f"b.{ending}").read_bytes()
 
 
-def test_a_fall_is_counted_and_drawn(results: list[Result], tmp_path: Path) -> None:
+def test_a_fall_is_counted_and_drawn(results: list[LossResult], tmp_path: Path) -> None:
     fallen = [result._replace(ending="fell") for result in results]
     table = shown(list(means(fallen)))
     assert {line[-1] for line in table} == {"2/2"}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from deploy.launch.folders import new_folder
-from deploy.launch.processes import SPOOL, RunFailedError, Watch
+from deploy.launch.processes import SPOOL, LaunchWatch, RunFailedError
 from deploy.launch.run import run
 from deploy.scenario_file.load import load
 from plant_server.session.record import COMPLETE, STOPPED
@@ -37,7 +37,7 @@ def test_a_folder_that_is_named_may_be_there_but_must_be_empty(tmp_path: Path) -
 
 def in_twin(folder: Path, told: list[str], ticks: list[int]) -> Spool:
     scenario = load("paper", ["run.duration_s=0.05"])
-    watch = Watch(on_tick=ticks.append, on_line=told.append)
+    watch = LaunchWatch(on_tick=ticks.append, on_line=told.append)
     assert run(scenario, folder, twin=True, watch=watch) == ExitCode.OK
     return read_spool(folder / SPOOL)
 
@@ -67,7 +67,7 @@ def test_ctrl_c_ends_a_twin_whose_controller_does_not_come_back(
     servo(tmp_path, ENDLESS)
     scenario = load("paper", ["board.1.controller=my_servo:Mine"])
     ticks: list[int] = []
-    watch = Watch(on_tick=ticks.append, on_line=lambda _line: None)
+    watch = LaunchWatch(on_tick=ticks.append, on_line=lambda _line: None)
     handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM)]
     stop_on_signals()
     try:

@@ -11,13 +11,13 @@ import pytest
 
 from deploy.failure import FailedError
 from deploy.launch import run as runs
-from deploy.launch.processes import Watch
+from deploy.launch.processes import LaunchWatch
 from deploy.outcome import results
 from deploy.recording.arrays import Recording
 from deploy.recording.frame_fate import FrameFate
 from deploy.recording.trajectory import Trajectory
 from deploy.report.compose import PICTURES, REPORT, compose, write
-from deploy.report.page import Figure, Page, Table
+from deploy.report.page import Figure, Page, PageTable
 from deploy.report.pictures import Pictures
 from deploy.report.runs import look_at
 from deploy.report.sections.links import NO_SHARED_CLOCK, traffic
@@ -53,7 +53,7 @@ def page_of(*recordings: Recording) -> Page:
 
 def titles(page: Page) -> list[str]:
     blocks = [block for section in page.sections for block in section.blocks]
-    return [block.title for block in blocks if isinstance(block, Figure | Table)]
+    return [block.title for block in blocks if isinstance(block, Figure | PageTable)]
 
 
 def figures(page: Page) -> dict[str, list[str]]:
@@ -84,7 +84,7 @@ def three() -> Page:
 
 def test_every_figure_and_table_has_one_sentence_on_how_to_read_it(storm: Page) -> None:
     blocks = [block for section in storm.sections for block in section.blocks]
-    readings = [block.reading for block in blocks if isinstance(block, Figure | Table)]
+    readings = [block.reading for block in blocks if isinstance(block, Figure | PageTable)]
     assert len(readings) > 15
     for reading in readings:
         assert reading.endswith(".")
@@ -102,7 +102,7 @@ def test_all_subjects_are_there(storm: Page) -> None:
 
 def test_runs_stand_side_by_side(three: Page) -> None:
     (glance,) = three.sections[0].blocks
-    assert isinstance(glance, Table)
+    assert isinstance(glance, PageTable)
     assert glance.header == ["", "run 1", "run 2", "run 3"]
     drawn = figures(three)
     assert drawn["Elections over time"] == ["run 1", "run 2", "run 3"]
@@ -134,7 +134,7 @@ def test_heard_late_and_lost_are_counted_also_where_there_are_none() -> None:
     (counted,) = (
         block
         for block in blocks
-        if isinstance(block, Table) and block.title == "Frames of each directed link"
+        if isinstance(block, PageTable) and block.title == "Frames of each directed link"
     )
     assert counted.header == ["link", "sent", "heard", "late", "lost", "cut", "bytes", "refused"]
 
@@ -229,7 +229,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "short"
     path.mkdir()
     scenario = load("lossy", ["run.duration_s=0.3"])
-    runs.run(scenario, path, twin=True, watch=Watch(lambda _tick: None, lambda _line: None))
+    runs.run(scenario, path, twin=True, watch=LaunchWatch(lambda _tick: None, lambda _line: None))
     done = results.conclude(path, "twin")
     assert done is not None
     assert len(list(results.write(done, path, lambda _tick: None))) == 2

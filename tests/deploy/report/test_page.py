@@ -3,20 +3,20 @@ from dataclasses import replace
 
 import pytest
 
-from deploy.report.page import SVG_BYTES_MAX, Block, Figure, Image, Page, Remark, Section, Table
+from deploy.report.page import SVG_BYTES_MAX, Block, Figure, Image, Page, PageTable, Remark, Section
 
 NASTY = "<script>alert('x')</script> & \"co\" ${oops}"
 IMAGE = Image("picture", "", b"<svg/>", b"pixels")
-TABLE = Table("Numbers", "Read it so.", ["name", "value"], [["one", "1"], ["two", "2"]])
+TABLE = PageTable("Numbers", "Read it so.", ["name", "value"], [["one", "1"], ["two", "2"]])
 
 
-def page(*blocks: Figure | Table | Remark, title: str = "Run") -> str:
+def page(*blocks: Figure | PageTable | Remark, title: str = "Run") -> str:
     return Page(title, "About it.", [Section("part", "Part", blocks)]).html()
 
 
 def test_names_are_escaped_wherever_they_stand() -> None:
     image = replace(IMAGE, label=NASTY)
-    table = Table(NASTY, NASTY, [NASTY, NASTY], [[NASTY, NASTY]], notes=[(NASTY, NASTY)])
+    table = PageTable(NASTY, NASTY, [NASTY, NASTY], [[NASTY, NASTY]], notes=[(NASTY, NASTY)])
     blocks: list[Block] = [Figure(NASTY, NASTY, [image, image]), table, replace(table, folded=True)]
     written = Page(
         NASTY, NASTY, [Section(NASTY, NASTY, [*blocks, Remark(NASTY)])], [NASTY], NASTY
@@ -56,7 +56,7 @@ def test_a_name_that_repeats_is_written_once() -> None:
 
 
 def test_numbers_that_repeat_are_all_written() -> None:
-    table = Table("Times", "So.", ["s", "what"], [["1", "a"], ["1", "b"]], texts=frozenset({1}))
+    table = PageTable("Times", "So.", ["s", "what"], [["1", "a"], ["1", "b"]], texts=frozenset({1}))
     assert page(table).count('<td class="n">1</td>') == 2
 
 

@@ -11,7 +11,7 @@ from deploy.recording.trajectory import Trajectory, trajectory
 from deploy.scenario_file.load import load
 from deploy.scenarios.hysteresis import MARGIN, Hysteresis
 from module_agent.firmware.config import ElectionConfig
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from protocol.wire.wiring import neighbours
 from tests.module_agent.robot import config
 
@@ -77,7 +77,9 @@ def test_who_moves_is_overtaken_from_the_margin_on(mover: int, rival: int) -> No
         said: list[Gossip] = []
         for tick in range(3):
             for board, one in enumerate(boards):
-                heard = [Heard(0, said[near]) for near in neighbours(board, 3)] if said else []
+                heard = (
+                    [HeardGossip(0, said[near]) for near in neighbours(board, 3)] if said else []
+                )
                 one.tick(tick, urgencies[board], heard, [])
             said = [one.gossip for one in boards]
         assert [one.enabled for one in boards] == [board == wins for board in range(3)]

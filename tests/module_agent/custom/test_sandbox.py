@@ -98,7 +98,7 @@ def test_an_election_is_told_each_round(tmp_path: Path) -> None:
     assert y[ROUNDS:] == [[1, 0, 0]] * (2 * PERIOD_TICKS - ROUNDS)
     part = robot.boards[ANKLE].election
     assert part is not None
-    assert isinstance(part.rule, foreign.WalledRule)
+    assert isinstance(part.rule, foreign.SandboxedRule)
     assert part.rule._theirs.asked == [
         (epoch * PERIOD_TICKS + number, number, number == ROUNDS)
         for epoch in range(2)

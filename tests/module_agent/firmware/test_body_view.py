@@ -6,8 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from module_agent.firmware.body_view import FORGET_EVERY_TICKS, BodySample, BodyView, OwnTurns, Turn
-from module_agent.firmware.kinematics import NOTHING, Supported, add_link
+from module_agent.firmware.body_view import (
+    FORGET_EVERY_TICKS,
+    AngleAndRate,
+    BodySample,
+    BodyView,
+    OwnAngles,
+)
+from module_agent.firmware.kinematics import NOTHING, CarriedMass, add_link
 from protocol.robot.hardware import Link
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame
@@ -16,7 +22,7 @@ THIGH = Link(10.0, 0.5, 0.25, 0.2)
 TRUNK = Link(30.0, 0.5, 0.25, 0.6)
 TICK_S = 0.001
 DELAY_TICKS = 10
-NO_IMU = Turn(0.0, 0.0)
+NO_IMU = AngleAndRate(0.0, 0.0)
 
 
 def middle() -> BodyView:
@@ -26,26 +32,26 @@ def middle() -> BodyView:
     )
 
 
-def knee(tick: int) -> Turn:
+def knee(tick: int) -> AngleAndRate:
     """A true joint angle and rate that differ in every tick."""
-    return Turn(0.1 * sin(0.01 * tick), 0.02 + 1e-4 * tick)
+    return AngleAndRate(0.1 * sin(0.01 * tick), 0.02 + 1e-4 * tick)
 
 
-def thigh(tick: int) -> Turn:
+def thigh(tick: int) -> AngleAndRate:
     """Orientation of the link between knee and hip."""
-    return Turn(0.2 + 1e-3 * tick, 1.0)
+    return AngleAndRate(0.2 + 1e-3 * tick, 1.0)
 
 
-def shank(tick: int) -> Turn:
+def shank(tick: int) -> AngleAndRate:
     """Orientation of the link below the knee."""
-    return Turn(thigh(tick).rad - knee(tick).rad, thigh(tick).rad_s - knee(tick).rad_s)
+    return AngleAndRate(thigh(tick).rad - knee(tick).rad, thigh(tick).rad_s - knee(tick).rad_s)
 
 
-def trunk(tick: int) -> Supported:
+def trunk(tick: int) -> CarriedMass:
     return add_link(TRUNK, -0.1 + 2e-3 * tick, 2.0, NOTHING)
 
 
-def said(sample_tick: int, lower: Turn, above: Supported) -> LinkFrame:
+def said(sample_tick: int, lower: AngleAndRate, above: CarriedMass) -> LinkFrame:
     return LinkFrame(
         2**31, 1, sample_tick, NO_TICK, NO_EPOCH, 0, 0.0, 0, sample_tick, *lower, *above
     )
@@ -68,7 +74,7 @@ def live(view: BodyView, ticks: range) -> None:
     """Sense and hear both neighbours, in every tick about the tick before."""
     for tick in ticks:
         view.advance(tick)
-        view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
+        view.sense(tick, OwnAngles(knee(tick), NO_IMU), top=False)
         view.hear_from_above(from_above(tick - 1))
         view.hear_from_below(from_below(tick - 1))
 
@@ -76,7 +82,7 @@ def live(view: BodyView, ticks: range) -> None:
 def go_on_alone(view: BodyView, ticks: range) -> None:
     for tick in ticks:
         view.advance(tick)
-        view.sense(tick, OwnTurns(knee(tick), NO_IMU), top=False)
+        view.sense(tick, OwnAngles(knee(tick), NO_IMU), top=False)
 
 
 def test_a_complete_sample_is_the_truth() -> None:
@@ -130,8 +136,8 @@ def test_reckoning_takes_what_is_above_for_rigid_and_the_orientation_from_the_fo
     lower = shank(29)
     for tick in range(31, 70):
         view.advance(tick)
-        view.sense(tick, OwnTurns(knee(29), NO_IMU), top=False)
-        turned = Turn(lower.rad + 0.01 * (tick - 30), 10.0)
+        view.sense(tick, OwnAngles(knee(29), NO_IMU), top=False)
+        turned = AngleAndRate(lower.rad + 0.01 * (tick - 30), 10.0)
         view.hear_from_below(said(tick - 1, turned, NOTHING))
     sample, state = view.at(60)
     assert state is State.RECKONING
@@ -198,7 +204,7 @@ def test_order_of_arrival_does_not_matter(down: list[int], up: list[int]) -> Non
 def test_the_top_board_needs_nobody() -> None:
     hip = BodyView(TRUNK, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=True, bottom=False)
     for tick in range(50):
-        hip.sense(tick, OwnTurns(knee(tick), thigh(tick)), top=True)
+        hip.sense(tick, OwnAngles(knee(tick), thigh(tick)), top=True)
         sample, state = hip.at(tick)
         assert state is State.RUNNING
         assert sample == BodySample(knee(tick), thigh(tick), add_link(TRUNK, *thigh(tick), NOTHING))
@@ -208,7 +214,7 @@ def test_the_bottom_board_reckons_from_a_level_foot() -> None:
     ankle = BodyView(
         THIGH, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=False, bottom=True
     )
-    ankle.sense(0, OwnTurns(knee(0), NO_IMU), top=False)
+    ankle.sense(0, OwnAngles(knee(0), NO_IMU), top=False)
     sample, state = ankle.at(0)
     assert state is State.RECKONING
     assert sample.link == knee(0)
@@ -219,8 +225,8 @@ def test_an_own_imu_is_believed_before_what_is_heard() -> None:
     view = BodyView(
         THIGH, tick_s=TICK_S, lumped_delay_ticks=DELAY_TICKS, has_imu=True, bottom=False
     )
-    view.sense(0, OwnTurns(knee(0), thigh(0)), top=False)
-    view.hear_from_above(said(0, Turn(0.9, 9.0), trunk(0)))
+    view.sense(0, OwnAngles(knee(0), thigh(0)), top=False)
+    view.hear_from_above(said(0, AngleAndRate(0.9, 9.0), trunk(0)))
     assert view.at(0) == (truth(0), State.RUNNING)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from module_agent.firmware.config import ElectionConfig
 from module_agent.firmware.consensus import MaxConsensus
 from module_agent.firmware.controller import Candidate
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from module_agent.firmware.hearing import Hearing
 from module_agent.firmware.link_model import LinkModel
 from protocol.robot.events import (
@@ -48,8 +48,8 @@ def election(*, keeps_last: bool, rounds: int = 3, board: int = 1) -> Election:
     return Election(config, MaxConsensus(board_config(board)), board=board)
 
 
-def heard(link: int, urgency: float, epoch: int = 0, round_: int = 0) -> Heard:
-    return Heard(link, Gossip(epoch, round_, Candidate(urgency, 2 * link)))
+def heard(link: int, urgency: float, epoch: int = 0, round_: int = 0) -> HeardGossip:
+    return HeardGossip(link, Gossip(epoch, round_, Candidate(urgency, 2 * link)))
 
 
 # --- S11 and S12, one board ----------------------------------------------------------------------
@@ -193,7 +193,7 @@ class Chain:
             roster = Neighbour(1, tick - 1, 1)
             for one, ears, urgency in zip(self.elections, self.ears, urgencies, strict=True):
                 arrived = [
-                    Heard(link, Gossip(f.epoch, f.round, Candidate(f.urgency, f.candidate)))
+                    HeardGossip(link, Gossip(f.epoch, f.round, Candidate(f.urgency, f.candidate)))
                     for link, ear in enumerate(ears)
                     for f in ear.take(tick, roster)
                 ]

@@ -12,7 +12,12 @@ from module_agent.firmware.enrolling import (
     UnansweredError,
 )
 from protocol.process.exit_codes import refused
-from protocol.wire.enrolment import EnrolmentReply, Verdict, decode_request, encode_enrolment
+from protocol.wire.enrolment import (
+    EnrolmentReply,
+    EnrolmentVerdict,
+    decode_request,
+    encode_enrolment,
+)
 from protocol.wire.frames import VERSION
 
 EVERY_S = 0.125
@@ -38,7 +43,7 @@ def silence_s(one: Enrolling, since_s: float) -> float:
         asked += 1
 
 
-def reply(verdict: Verdict, reason: str = "") -> bytes:
+def reply(verdict: EnrolmentVerdict, reason: str = "") -> bytes:
     return encode_enrolment(EnrolmentReply(VERSION, verdict, reason, 2**31, 3))
 
 
@@ -61,7 +66,7 @@ def test_an_answer_ends_the_wait() -> None:
     one = knee()
     for n in range(10):
         ask(one, n * 1.0)
-        assert one.answer(reply(Verdict.ACCEPTED)).incarnation == 3
+        assert one.answer(reply(EnrolmentVerdict.ACCEPTED)).incarnation == 3
     assert silence_s(one, 10.0) == UNANSWERED_S + EVERY_S
 
 
@@ -75,5 +80,5 @@ def test_who_asks_now_and_then_only_has_not_waited() -> None:
 
 def test_a_refusal_ends_its_part() -> None:
     with pytest.raises(FinishedError, match="refused: taken") as finished:
-        knee().answer(reply(Verdict.JOINT_TAKEN, "taken"))
-    assert finished.value.code == refused(Verdict.JOINT_TAKEN)
+        knee().answer(reply(EnrolmentVerdict.JOINT_TAKEN, "taken"))
+    assert finished.value.code == refused(EnrolmentVerdict.JOINT_TAKEN)

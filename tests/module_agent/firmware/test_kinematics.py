@@ -7,7 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from module_agent.firmware.kinematics import NOTHING, Supported, add_link, carried_rigidly, shape_of
+from module_agent.firmware.kinematics import (
+    NOTHING,
+    CarriedMass,
+    add_link,
+    carried_rigidly,
+    shape_of,
+)
 from protocol.robot.hardware import Link
 
 pytestmark = pytest.mark.sampling
@@ -30,7 +36,7 @@ LIMBS = st.lists(st.tuples(links(), ANGLES, RATES), min_size=1, max_size=5)
 """A chain from the ground up: link, orientation in space, rate."""
 
 
-def lumped(limbs: list[Limb]) -> Supported:
+def lumped(limbs: list[Limb]) -> CarriedMass:
     """As boards do it, from the top down."""
     above = NOTHING
     for link, angle_rad, rate_rad_s in reversed(limbs):
@@ -77,7 +83,7 @@ def test_sway_rate_is_the_derivative_of_sway(limbs: list[Limb]) -> None:
 
     def sway(time_s: float) -> float:
         mass, x_m, y_m = summed(limbs, time_s)
-        return Supported(mass, x_m, y_m, 0.0, 0.0).sway_rad()
+        return CarriedMass(mass, x_m, y_m, 0.0, 0.0).sway_rad()
 
     numeric = (sway(DIFFERENCE_S) - sway(-DIFFERENCE_S)) / (2 * DIFFERENCE_S)
     assert lumped(limbs).sway_rad() == pytest.approx(sway(0.0), abs=1e-12)
@@ -103,7 +109,7 @@ def test_rigid_carry_is_exact_for_a_rigid_body(
 def test_a_shape_that_has_not_turned_is_where_it_was(
     angle: float, mass: float, x_m: float, y_m: float
 ) -> None:
-    above = Supported(mass, x_m, y_m, 0.0, 0.0)
+    above = CarriedMass(mass, x_m, y_m, 0.0, 0.0)
     assert carried_rigidly(shape_of(above, angle), angle, 0.0) == pytest.approx(above, abs=1e-12)
 
 

@@ -16,7 +16,7 @@ from module_agent.firmware.plausibility import (
     WINDOW_TICKS,
     Angle,
     AngleSheet,
-    Verdict,
+    ReadingVerdict,
 )
 from protocol.robot.chance import Chance
 
@@ -46,7 +46,7 @@ def verdicts(
     ticks: int,
     sheet: AngleSheet = EXACT,
     witness: Callable[[int], float] = float,
-) -> list[Verdict]:
+) -> list[ReadingVerdict]:
     angle = Angle(sheet, tick_s=TICK_S)
     return [angle.judge(tick, *motion(tick), witness(tick)) for tick in range(ticks)]
 
@@ -136,20 +136,20 @@ def test_readings_at_uneven_times_are_not_accused() -> None:
 @pytest.mark.parametrize("lie", [nan, inf, -inf, 1e9, -1e300, 1.001 * RAD_MAX])
 def test_an_angle_that_is_nonsense_is_called_so(lie: float) -> None:
     found = verdicts(broken(swing(), 100, 110, lambda _: (lie, 0.0)), 200)
-    assert set(found[100:110]) == {Verdict.NONSENSE}
+    assert set(found[100:110]) == {ReadingVerdict.NONSENSE}
     assert {*found[:100], *found[110:]} == {FINE}
 
 
 @pytest.mark.parametrize("lie", [nan, inf, -inf, 1e9, -1e300, 1.001 * RAD_S_MAX])
 def test_a_rate_that_is_nonsense_is_called_so(lie: float) -> None:
     found = verdicts(broken(swing(), 100, 110, lambda tick: (swing()(tick)[0], lie)), 200)
-    assert set(found[100:110]) == {Verdict.NONSENSE}
+    assert set(found[100:110]) == {ReadingVerdict.NONSENSE}
     assert {*found[:100], *found[110:]} == {FINE}
 
 
 def test_the_largest_numbers_that_make_sense() -> None:
     assert verdicts(lambda _: (RAD_MAX, RAD_S_MAX), 1) == [FINE]
-    assert verdicts(lambda _: (RAD_MAX, 1.001 * RAD_S_MAX), 1) == [Verdict.NONSENSE]
+    assert verdicts(lambda _: (RAD_MAX, 1.001 * RAD_S_MAX), 1) == [ReadingVerdict.NONSENSE]
 
 
 @pytest.mark.parametrize("jump_rad", [0.01, -0.05, 0.5, -3.0])
@@ -161,7 +161,7 @@ def test_a_jump_is_noticed_at_once_and_forgotten_when_it_was_a_glitch(jump_rad: 
         return rad + jump_rad, rate
 
     found = verdicts(broken(motion, 300, 301, glitch), 600)
-    assert found[300] is Verdict.INCONSISTENT
+    assert found[300] is ReadingVerdict.INCONSISTENT
     assert {*found[:300], *found[302:]} == {FINE}
 
 
@@ -172,7 +172,7 @@ def test_an_encoder_that_has_slipped_is_in_doubt_until_it_is_judged_anew() -> No
         rad, rate = motion(tick)
         return (rad + 0.1 if tick >= 300 else rad), rate
 
-    assert set(verdicts(slipped, 320)[300:]) == {Verdict.INCONSISTENT}
+    assert set(verdicts(slipped, 320)[300:]) == {ReadingVerdict.INCONSISTENT}
     angle = Angle(EXACT, tick_s=TICK_S)
     for tick in range(320):
         angle.judge(tick, *slipped(tick), 0.0)
@@ -207,7 +207,7 @@ def test_an_angle_that_is_stuck_while_its_rate_goes_on_is_noticed() -> None:
     noticed = next(n for n in range(300) if found[400 + n] is not FINE)
     assert turned <= noticed <= turned + 2
     assert FINE not in found[400 + noticed :]
-    assert Verdict.STUCK in found
+    assert ReadingVerdict.STUCK in found
 
 
 def test_all_of_a_sensor_stuck_at_a_rate_is_a_contradiction() -> None:
@@ -225,8 +225,8 @@ def test_a_witness_that_changes_accuses_an_angle_that_does_not() -> None:
         return 0.05 * min(tick, 100)
 
     found = verdicts(still, 3 * WINDOW_TICKS, witness=torque)
-    first = found.index(Verdict.STUCK)
+    first = found.index(ReadingVerdict.STUCK)
     assert STUCK_TICKS <= first <= 40
-    assert set(found[first:]) == {Verdict.STUCK}
+    assert set(found[first:]) == {ReadingVerdict.STUCK}
     coarse = verdicts(still, 500, AngleSheet(step_rad=1e-3), torque)
     assert set(coarse) == {FINE}, "a sensor with steps may say the same of a joint that moves"

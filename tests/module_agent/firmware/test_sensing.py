@@ -4,7 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from module_agent.firmware.body_view import OwnTurns, Turn
+from module_agent.firmware.body_view import AngleAndRate, OwnAngles
 from module_agent.firmware.plausibility import RAD_MAX, RAD_S_MAX
 from module_agent.firmware.sensing import BACK_TICKS, HOLD_TICKS_MAX, Sensing
 from protocol.robot.sensors import Readings
@@ -44,9 +44,11 @@ def hip() -> Sensing:
     return Sensing(tick_s=1e-3, has_imu=True)
 
 
-def good(tick: int) -> OwnTurns:
+def good(tick: int) -> OwnAngles:
     true = moving(2, tick)
-    return OwnTurns(Turn(true.joint_rad, true.joint_rad_s), Turn(true.imu_rad, true.imu_rad_s))
+    return OwnAngles(
+        AngleAndRate(true.joint_rad, true.joint_rad_s), AngleAndRate(true.imu_rad, true.imu_rad_s)
+    )
 
 
 @pytest.mark.parametrize(("field", "value"), LIES)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
 
-from module_agent.firmware.body_view import BodySample, Turn
-from module_agent.firmware.controller import Seen
-from module_agent.firmware.kinematics import Supported
+from module_agent.firmware.body_view import AngleAndRate, BodySample
+from module_agent.firmware.controller import ServoInput
+from module_agent.firmware.kinematics import CarriedMass
 from module_agent.firmware.servo import Servo, SlewingServo, servo
 from protocol.robot.hardware import ServoGains
 from protocol.robot.sensors import Readings
@@ -36,12 +36,12 @@ def _servo(gains: ServoGains) -> Servo:
     return Servo(config(0, gains, tick_s=TICK_S))
 
 
-def _seen(error_rad: float, rate_rad_s: float = 0.0, com_sway_rad: float = 0.0) -> Seen:
-    turn = Turn(error_rad, rate_rad_s)
-    carried = Supported(1.0, sin(com_sway_rad), cos(com_sway_rad), 0.0, 0.0)
+def _seen(error_rad: float, rate_rad_s: float = 0.0, com_sway_rad: float = 0.0) -> ServoInput:
+    turn = AngleAndRate(error_rad, rate_rad_s)
+    carried = CarriedMass(1.0, sin(com_sway_rad), cos(com_sway_rad), 0.0, 0.0)
     sensors = Observation(1, 1, 0, Readings(*(0.0,) * 7), b"", ())
     body = BodySample(turn, turn, carried)
-    return Seen(0, True, 0.0, error_rad, rate_rad_s, turn, body, State.RUNNING, sensors)
+    return ServoInput(0, True, 0.0, error_rad, rate_rad_s, turn, body, State.RUNNING, sensors)
 
 
 def _torques(gains: ServoGains, inputs: list[tuple[float, float, float]]) -> list[float]:

@@ -7,7 +7,7 @@ import pytest
 
 from plant_server.session.enrolment import Enrolment
 from protocol.robot.scenario import run_id
-from protocol.wire.enrolment import EnrolmentReply, EnrolmentRequest, Verdict
+from protocol.wire.enrolment import EnrolmentReply, EnrolmentRequest, EnrolmentVerdict
 from protocol.wire.frames import VERSION
 
 DIGEST, OTHER = b"\x11" * 32, b"\x22" * 32
@@ -43,21 +43,25 @@ def enrolment() -> Enrolment:
 
 
 def accepted(incarnation: int) -> EnrolmentReply:
-    return EnrolmentReply(VERSION, Verdict.ACCEPTED, "", RUN, incarnation)
+    return EnrolmentReply(VERSION, EnrolmentVerdict.ACCEPTED, "", RUN, incarnation)
 
 
-REFUSALS: list[tuple[dict[str, Any], Verdict, tuple[str, str]]] = [
-    ({"version": 99}, Verdict.WRONG_VERSION, ("99", str(VERSION))),
-    ({"rig": "other"}, Verdict.WRONG_RIG, ("'other'", "'robot'")),
-    ({"joint": "elbow"}, Verdict.UNKNOWN_JOINT, ("'elbow'", "ankle, knee, hip")),
-    ({"scenario_digest": OTHER}, Verdict.OTHER_SCENARIO, (OTHER.hex()[:12], DIGEST.hex()[:12])),
-    ({"boot": 0xF}, Verdict.JOINT_TAKEN, (f"{0xF:016x}", f"{BOOTS[KNEE]:016x}")),
+REFUSALS: list[tuple[dict[str, Any], EnrolmentVerdict, tuple[str, str]]] = [
+    ({"version": 99}, EnrolmentVerdict.WRONG_VERSION, ("99", str(VERSION))),
+    ({"rig": "other"}, EnrolmentVerdict.WRONG_RIG, ("'other'", "'robot'")),
+    ({"joint": "elbow"}, EnrolmentVerdict.UNKNOWN_JOINT, ("'elbow'", "ankle, knee, hip")),
+    (
+        {"scenario_digest": OTHER},
+        EnrolmentVerdict.OTHER_SCENARIO,
+        (OTHER.hex()[:12], DIGEST.hex()[:12]),
+    ),
+    ({"boot": 0xF}, EnrolmentVerdict.JOINT_TAKEN, (f"{0xF:016x}", f"{BOOTS[KNEE]:016x}")),
 ]
 
 
 @pytest.mark.parametrize(("wrong", "verdict", "sides"), REFUSALS, ids=lambda x: str(x)[:24])
 def test_a_refusal_has_its_verdict_and_names_both_sides(
-    wrong: dict[str, Any], verdict: Verdict, sides: tuple[str, str]
+    wrong: dict[str, Any], verdict: EnrolmentVerdict, sides: tuple[str, str]
 ) -> None:
     """And leaves no trace: the one who holds the joint goes on."""
     desk = enrolment()
@@ -82,8 +86,8 @@ def test_the_first_thing_that_does_not_fit_is_the_verdict() -> None:
 
 
 def test_every_verdict_of_a_plant_that_runs_has_been_seen() -> None:
-    seen = {verdict for _, verdict, _ in REFUSALS} | {Verdict.ACCEPTED}
-    assert seen == set(Verdict) - {Verdict.RUN_OVER}
+    seen = {verdict for _, verdict, _ in REFUSALS} | {EnrolmentVerdict.ACCEPTED}
+    assert seen == set(EnrolmentVerdict) - {EnrolmentVerdict.RUN_OVER}
 
 
 def test_asking_again_is_harmless() -> None:
@@ -111,7 +115,7 @@ def test_only_the_end_of_the_one_who_holds_a_joint_frees_it() -> None:
     desk = enrolment()
     desk.decide(request(KNEE, links_up=BELOW))
     assert not desk.gone(KNEE, 0xF)
-    assert desk.decide(request(KNEE, 0xF)).verdict == Verdict.JOINT_TAKEN
+    assert desk.decide(request(KNEE, 0xF)).verdict == EnrolmentVerdict.JOINT_TAKEN
     assert desk.gone(KNEE, BOOTS[KNEE])
     assert not desk.gone(KNEE, BOOTS[KNEE])
     assert (desk.seats[KNEE].boot, desk.seats[KNEE].links_up) == (None, 0)
@@ -133,7 +137,7 @@ def test_a_joint_that_was_given_to_another_is_taken_for_the_dismissed() -> None:
     desk.decide(request(KNEE))
     desk.dismiss(KNEE)
     assert desk.decide(request(KNEE, 0x20)) == accepted(2)
-    assert desk.decide(request(KNEE)).verdict == Verdict.JOINT_TAKEN
+    assert desk.decide(request(KNEE)).verdict == EnrolmentVerdict.JOINT_TAKEN
 
 
 @pytest.mark.parametrize("up", list(product((0, 1), repeat=4)), ids=str)

@@ -21,7 +21,7 @@ from protocol.robot.events import (
 from protocol.robot.hardware import ClockSheet
 from protocol.robot.states import State
 from protocol.wire.frames import NO_EPOCH, LinkUse, Observation, Reason, TorqueFrame, decode, encode
-from protocol.wire.trace import Lived, Mark, Taken
+from protocol.wire.trace import Mark, TakenFrames, TickTrace
 from protocol.wire.trace_differences import TraceWriter
 
 RUN = 2**31 + 9
@@ -193,8 +193,8 @@ def test_commands_reach_a_board_in_its_next_observation() -> None:
 def test_what_boards_tell_of_their_time_is_counted() -> None:
     running = made()
     writer = TraceWriter(run_id=RUN, incarnation=1, links=1)
-    writer.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
-    writer.add(Lived(4, 10, 7000, 200, 0, 0, 3, Mark.LATE, (Taken(0, 0),)))
+    writer.add(TickTrace(0, 10, 90, 200, 0, 0, 0, 0, (TakenFrames(0, 0),)))
+    writer.add(TickTrace(4, 10, 7000, 200, 0, 0, 3, Mark.LATE, (TakenFrames(0, 0),)))
     frame = writer.flush()
     assert frame is not None
     assert running.take_trace(0, frame)
@@ -202,7 +202,7 @@ def test_what_boards_tell_of_their_time_is_counted() -> None:
     assert (tally.periods, tally.missed, tally.late_us_max) == (5, 4, 7000)
     assert not running.take_trace(0, frame[:-1])
     other = TraceWriter(run_id=RUN + 1, incarnation=1, links=1)
-    other.add(Lived(0, 10, 90, 200, 0, 0, 0, 0, (Taken(0, 0),)))
+    other.add(TickTrace(0, 10, 90, 200, 0, 0, 0, 0, (TakenFrames(0, 0),)))
     assert not running.take_trace(0, other.flush() or b"")
     assert set(running.plant.refused) == {Reason.CORRUPT, Reason.RUN}
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plant_server.session.record import COMPLETE, FELL, TickRecord, Undriven, fall_line
+from plant_server.session.record import COMPLETE, FELL, TickRecord, UndrivenJoint, fall_line
 from protocol.robot.events import Command, LinkChange, Push
 from protocol.robot.hardware import IDEAL, MotorSheet
 from protocol.robot.states import State
@@ -582,8 +582,8 @@ def test_a_fall_says_when_and_which_joints_nobody_drove() -> None:
         finish(lockstep)
     outcome = lockstep.plant.outcome(0.0)
     assert outcome.undriven == (
-        Undriven("knee", 1, "passive", has_board=False),
-        Undriven("hip", 2, "passive", has_board=True),
+        UndrivenJoint("knee", 1, "passive", has_board=False),
+        UndrivenJoint("hip", 2, "passive", has_board=True),
     )
     line = fall_line(outcome._replace(tick=3840), 1e-3)
     assert line == (

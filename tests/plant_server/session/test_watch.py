@@ -8,7 +8,7 @@ import msgpack
 
 from plant_server.session.control import STATUS, answer
 from plant_server.session.lockstep import Lockstep
-from plant_server.session.watch import ENROLMENT_REQUESTS, Watch
+from plant_server.session.watch import ENROLMENT_REQUESTS, PlantWatch
 from protocol.robot.states import COUNTERS
 from protocol.wire.frames import VERSION, Fault, Reason, encode, seal
 from tests.plant_server.plant import (
@@ -25,7 +25,7 @@ from tests.plant_server.plant import (
 )
 
 
-def told(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
+def told(lockstep: Lockstep, watch: PlantWatch) -> dict[str, Any]:
     """The status, as a terminal gets it."""
     request = seal(msgpack.packb((VERSION, STATUS)))
     found: dict[str, Any] = json.loads(
@@ -35,7 +35,7 @@ def told(lockstep: Lockstep, watch: Watch) -> dict[str, Any]:
 
 
 def test_a_board_that_is_let_in_enrols_until_it_has_answered() -> None:
-    lockstep, watch = plant(here=(ANKLE,)), Watch(list(JOINTS))
+    lockstep, watch = plant(here=(ANKLE,)), PlantWatch(list(JOINTS))
     watch.enrolled = {ANKLE, KNEE}
     states = [board["state"] for board in told(lockstep, watch)["boards"]]
     assert states == ["enrolling", "enrolling", "absent"]
@@ -45,7 +45,7 @@ def test_a_board_that_is_let_in_enrols_until_it_has_answered() -> None:
 
 
 def test_counters_failures_and_boards_that_hang_are_told() -> None:
-    lockstep, watch = plant(), Watch(list(JOINTS))
+    lockstep, watch = plant(), PlantWatch(list(JOINTS))
     opened(lockstep)
     lockstep.report(KNEE, encode(Fault(RUN, 1, 0, 4, 0, 1, "vote answered a NoneType\nwhere")))
     place = COUNTERS.index("refused_tick")
@@ -63,7 +63,7 @@ def test_counters_failures_and_boards_that_hang_are_told() -> None:
 
 
 def test_a_storm_may_be_of_what_the_plant_refuses_or_of_what_a_board_tells_it_refuses() -> None:
-    lockstep, watch = plant(), Watch(list(JOINTS))
+    lockstep, watch = plant(), PlantWatch(list(JOINTS))
     assert watch.look(10.0, lockstep.plant) == []
     for _ in range(2000):
         lockstep.plant.refuse(HIP, Reason.CORRUPT)

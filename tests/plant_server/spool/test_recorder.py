@@ -8,7 +8,7 @@ import pytest
 
 from deploy.scenario_file.load import load
 from plant_server.session.enrolment import Enrolment
-from plant_server.session.record import COMPLETE, Outcome, TickRecord, Walls
+from plant_server.session.record import COMPLETE, Outcome, TickRecord, TickWallTimes
 from plant_server.spool.recorder import Recorder
 from plant_server.spool.spool import Spool, SpoolWriter, read_spool
 from protocol.robot.scenario import run_id
@@ -54,7 +54,7 @@ class Recording:
     def keep(self, tick: int, *timings: tuple[int, Timing | bytes]) -> None:
         nothing = (0.0, 0.0)
         record = TickRecord(tick, nothing, nothing, nothing, (b"", b""), ())
-        self.recorder.keep(record, Walls(1, (2, 3), 4))
+        self.recorder.keep(record, TickWallTimes(1, (2, 3), 4))
         self.recorder.write(self._payloads(timings))
 
     def end(self, tick: int, *timings: tuple[int, Timing | bytes]) -> Spool:
@@ -95,7 +95,7 @@ def test_what_boards_tell_is_kept_with_whose_it_is(recording: Recording) -> None
         (KNEE, on_its_way_out),
     ]
     assert [record.tick for record in spool.ticks] == [2, 3, 7]
-    assert spool.walls == [Walls(1, (2, 3), 4)] * 3
+    assert spool.walls == [TickWallTimes(1, (2, 3), 4)] * 3
     assert spool.facts["reports_refused"] == {}
     assert spool.complete
 
@@ -104,7 +104,7 @@ def test_a_tick_that_was_not_written_yet_is_written_at_the_end(recording: Record
     nothing = (0.0, 0.0)
     for tick in (5, 6):
         record = TickRecord(tick, nothing, nothing, nothing, (b"", b""), ())
-        recording.recorder.keep(record, Walls(tick, (2, 3), 4))
+        recording.recorder.keep(record, TickWallTimes(tick, (2, 3), 4))
     spool = recording.end(7, (KNEE, FRAME._replace(tick=4)))
     assert [record.tick for record in spool.ticks] == [5, 6]
     assert [walls and walls.opened_ns for walls in spool.walls] == [5, 6]

@@ -14,7 +14,14 @@ from pathlib import Path
 import pytest
 
 from deploy.scenario_file.load import load
-from plant_server.session.record import COMPLETE, FELL, Outcome, TickRecord, Undriven, Walls
+from plant_server.session.record import (
+    COMPLETE,
+    FELL,
+    Outcome,
+    TickRecord,
+    TickWallTimes,
+    UndrivenJoint,
+)
 from plant_server.spool import chunks, spool
 from plant_server.spool.spool import SpoolWriter, read_spool
 from protocol.robot.events import Departure, Event, Push, Sides
@@ -28,7 +35,10 @@ OUTCOME = Outcome(
     (1e-300, 0.0, -5.5),
     COMPLETE,
     0.25,
-    (Undriven("knee", -3, "braked", has_board=False), Undriven("hip", 7, "limp", has_board=True)),
+    (
+        UndrivenJoint("knee", -3, "braked", has_board=False),
+        UndrivenJoint("hip", 7, "limp", has_board=True),
+    ),
 )
 
 
@@ -94,7 +104,7 @@ def test_what_is_read_is_what_was_written(
     assert back.outcome == OUTCOME
     assert {type(field) for tick in back.ticks for field in tick[1:]} == {tuple}
     assert back.outcome is not None
-    assert {type(joint) for joint in back.outcome.undriven} == {Undriven}
+    assert {type(joint) for joint in back.outcome.undriven} == {UndrivenJoint}
 
 
 def test_a_fall_with_numbers_that_are_none_can_be_read_back(tmp_path: Path) -> None:
@@ -319,7 +329,12 @@ def test_a_disk_that_is_slow_at_the_end_is_not_waited_for_for_ever(
 def test_wall_times_timings_and_facts_are_read_back(tmp_path: Path) -> None:
     """To each tick its wall times; boards' frames as they came; later facts over earlier ones."""
     ticks = records(4)
-    walls = [Walls(10, (20, 0, 30), 40), None, Walls(2**62, (0, 0, 0), 2**62 + 1), None]
+    walls = [
+        TickWallTimes(10, (20, 0, 30), 40),
+        None,
+        TickWallTimes(2**62, (0, 0, 0), 2**62 + 1),
+        None,
+    ]
     entry = TickTiming(0, 100, 120, -1, 5)
     frame = Timing(2**31, 1, -2, 2**60, 2**32 - 1, 10**7, 33_000, (entry, entry))
     facts = {"mode": "twin", "host": {"cores": 2, "cpu": None}}

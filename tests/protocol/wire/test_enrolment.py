@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from protocol.wire.enrolment import (
     EnrolmentReply,
     EnrolmentRequest,
-    Verdict,
+    EnrolmentVerdict,
     decode_reply,
     decode_request,
     encode_enrolment,
@@ -44,7 +44,7 @@ REPLIES = st.builds(
     incarnation=INTS,
 )
 REQUEST = EnrolmentRequest(VERSION, "robot", "knee", 0, bytes(32), 5, 3, 0, 10.0, 0.5, 0.25, 0.2)
-REPLY = EnrolmentReply(VERSION, Verdict.ACCEPTED, "", 2**31, 1)
+REPLY = EnrolmentReply(VERSION, EnrolmentVerdict.ACCEPTED, "", 2**31, 1)
 
 
 @LAW
@@ -80,7 +80,7 @@ def test_the_five_fields_that_never_change() -> None:
         "scenario_digest",
     )
     assert EnrolmentReply._fields == ("version", "verdict", "reason", "run_id", "incarnation")
-    assert [(verdict.value, verdict.name) for verdict in Verdict] == [
+    assert [(verdict.value, verdict.name) for verdict in EnrolmentVerdict] == [
         (0, "ACCEPTED"),
         (1, "WRONG_VERSION"),
         (2, "WRONG_RIG"),
@@ -93,7 +93,9 @@ def test_the_five_fields_that_never_change() -> None:
 
 def test_a_reply_of_a_later_version_is_read_as_far_as_it_is_known() -> None:
     payload = seal(msgpack.packb([9, 1, "too old", 2**31, 0, "more", [1, 2]]))
-    assert decode_reply(payload) == EnrolmentReply(9, Verdict.WRONG_VERSION, "too old", 2**31, 0)
+    assert decode_reply(payload) == EnrolmentReply(
+        9, EnrolmentVerdict.WRONG_VERSION, "too old", 2**31, 0
+    )
 
 
 @pytest.mark.parametrize("length", range(11))

@@ -33,7 +33,7 @@ from protocol.wire.frames import (
     Observation,
     ProtocolError,
     Reason,
-    Stalled,
+    StallReport,
     TorqueFrame,
     decode,
     encode,
@@ -41,7 +41,7 @@ from protocol.wire.frames import (
     seal,
 )
 from protocol.wire.timing import TickTiming, Timing
-from protocol.wire.trace import LastWord, Lived, Taken, Trace
+from protocol.wire.trace import LastWord, TakenFrames, TickTrace, Trace
 
 LAW = settings(max_examples=100, deadline=None, derandomize=True)
 LONGEST_COMMAND = 93
@@ -62,10 +62,10 @@ SAMPLES: list[Any] = [
     LINK,
     TorqueFrame(2**31, 1, 7, 1.5, 2, 1, 0.1, 0, 1, 0.5, 2, 3, 40, (LinkUse(1, 2**32 - 1, 0),) * 2),
     End(2**31, "complete"),
-    Stalled(2**31, 1, 7, 2),
+    StallReport(2**31, 1, 7, 2),
     Timing(2**31, 1, 7, 2**46, 2**32 - 1, 10**6, 33000, (TickTiming(0, 99, 130, -1, 12),) * 2),
     Fault(2**31, 1, 7, 2, 0, 1, "nan, which is no finite number"),
-    Trace(2**31, 1, (Lived(7, 10**12, 80, 310, 700, 14, 0, 3, (Taken(12, 1),) * 2),) * 2),
+    Trace(2**31, 1, (TickTrace(7, 10**12, 80, 310, 700, 14, 0, 3, (TakenFrames(12, 1),) * 2),) * 2),
     LastWord(2**31, 1, 2, bytes(100)),
 ]
 ENROLMENTS: list[Any] = [

@@ -23,7 +23,7 @@ from protocol.wire.frames import (
     encode,
     seal,
 )
-from protocol.wire.trace import LastWord, Lived, Taken, Trace
+from protocol.wire.trace import LastWord, TakenFrames, TickTrace, Trace
 from protocol.wire.trace_differences import TraceWriter, decode_told, decode_trace
 
 RUN = 2**31 + 5
@@ -32,9 +32,9 @@ TICKS = st.integers(-(2**31), 2**31 - 1)
 SPANS = st.integers(-(2**40), 2**40)
 
 
-def lived(links: int) -> st.SearchStrategy[Lived]:
+def lived(links: int) -> st.SearchStrategy[TickTrace]:
     return st.builds(
-        Lived,
+        TickTrace,
         slot=TICKS,
         woke_us=st.integers(0, 2**62),
         late_us=SPANS,
@@ -43,11 +43,11 @@ def lived(links: int) -> st.SearchStrategy[Lived]:
         seen_tick=TICKS,
         skipped=st.integers(0, 2**31),
         marks=st.integers(0, 15),
-        taken=st.tuples(*[st.builds(Taken, TICKS, st.integers(0, 2**62))] * links),
+        taken=st.tuples(*[st.builds(TakenFrames, TICKS, st.integers(0, 2**62))] * links),
     )
 
 
-def told(ticks: list[Lived], links: int) -> list[bytes]:
+def told(ticks: list[TickTrace], links: int) -> list[bytes]:
     writer = TraceWriter(run_id=RUN, incarnation=3, links=links)
     frames = [writer.add(tick) for tick in ticks] + [writer.flush()]
     assert writer.flush() is None, "nothing is told twice"
@@ -65,10 +65,10 @@ def test_what_was_lived_through_is_read_back(links: int, data: st.DataObject) ->
     assert {(trace.run_id, trace.incarnation) for trace in traces} <= {(RUN, 3)}
 
 
-def steady(ticks: int) -> list[Lived]:
+def steady(ticks: int) -> list[TickTrace]:
     """A board at 500 Hz as it usually is."""
     return [
-        Lived(n, 10**12 + 2000 * n, 80, 310, 700, 2 * n, 0, 0, (Taken(2 * n - 2, 0),) * 2)
+        TickTrace(n, 10**12 + 2000 * n, 80, 310, 700, 2 * n, 0, 0, (TakenFrames(2 * n - 2, 0),) * 2)
         for n in range(ticks)
     ]
 
@@ -87,7 +87,7 @@ def test_a_lost_frame_costs_its_own_ticks_only() -> None:
 
 
 def test_nothing_new_is_the_same_tick_again() -> None:
-    tick = Lived(1, 5, 0, 0, 0, 2, 0, 0, (Taken(NO_TICK, 0), Taken(4, 1)))
+    tick = TickTrace(1, 5, 0, 0, 0, 2, 0, 0, (TakenFrames(NO_TICK, 0), TakenFrames(4, 1)))
     (frame,) = told([tick, tick], 2)
     assert [one.taken for one in decode_trace(frame).lived] == [tick.taken] * 2
 
@@ -148,7 +148,7 @@ def test_a_vector_of_the_specification_holds_in_both_directions(vector: dict[str
         assert encode(LastWord(**values)) == frame
         return
     ticks = [
-        Lived._make([*numbers, tuple(Taken(*link) for link in links)])
+        TickTrace._make([*numbers, tuple(TakenFrames(*link) for link in links)])
         for *numbers, links in values["lived"]
     ]
     run_id, incarnation = values["run_id"], values["incarnation"]

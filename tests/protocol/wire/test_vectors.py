@@ -32,7 +32,7 @@ from protocol.wire.frames import (
     LinkUse,
     Neighbour,
     Observation,
-    Stalled,
+    StallReport,
     TorqueFrame,
 )
 from protocol.wire.timing import TickTiming, Timing
@@ -46,7 +46,7 @@ MESSAGES: dict[str, Any] = {
         LinkFrame,
         TorqueFrame,
         End,
-        Stalled,
+        StallReport,
         Timing,
         Fault,
         Trace,
@@ -135,7 +135,7 @@ def test_the_specification_names_our_numbers() -> None:
 def test_the_specification_names_every_reason_and_verdict() -> None:
     for reason in frames.Reason:
         assert re.search(rf"^\| `{reason}` \|", README, re.MULTILINE), reason
-    for verdict in enrolment.Verdict:
+    for verdict in enrolment.EnrolmentVerdict:
         name = verdict.name.lower().replace("_", " ")
         assert re.search(rf"^\| {verdict.value} \| {name} \|", README, re.MULTILINE), verdict
 

@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deploy.experiments.consensus.graphs import GRAPHS
-from deploy.experiments.consensus.network import Case, Epoch, Network, Piece, pieces, play
+from deploy.experiments.consensus.network import (
+    ConsensusCase,
+    ConsensusNetwork,
+    Epoch,
+    EpochBatch,
+    pieces,
+    play,
+)
 from deploy.experiments.consensus.run import by_case, grid
 from deploy.experiments.consensus.theory import PLACES, agreed_within, applies, beside, mean_rounds
 from module_agent.firmware.elector import Elector, ElectorConfig
@@ -19,14 +26,14 @@ EPOCHS = 4
 
 def case(
     graph: str, boards: int, loss: float, *, rounds: int | None = None, epochs: int = EPOCHS
-) -> Case:
+) -> ConsensusCase:
     (made,) = grid(
         graphs=[graph], boards=[boards], losses=[loss], rounds=rounds, epochs=epochs, seed=9
     )
     return made
 
 
-def with_frames(wanted: Case) -> list[Epoch]:
+def with_frames(wanted: ConsensusCase) -> list[Epoch]:
     """The same case by boards that encode, decode, check and wait for each other's frames."""
     boards = [
         Elector(
@@ -72,14 +79,14 @@ def test_it_counts_what_boards_that_exchange_frames_count(
 ) -> None:
     """To play only the links that have news, without frames, leaves nothing out."""
     wanted = case(graph, boards, loss, rounds=rounds)
-    network = Network(wanted)
+    network = ConsensusNetwork(wanted)
     assert [network.play(number) for number in range(EPOCHS)] == with_frames(wanted)
 
 
 @pytest.mark.parametrize("graph", GRAPHS)
 def test_without_loss_all_agree_within_the_diameter_and_enable_one(graph: str) -> None:
     wanted = case(graph, 30, 0.0, epochs=50)
-    epochs = play(Piece(wanted, 0, 50)).epochs
+    epochs = play(EpochBatch(wanted, 0, 50)).epochs
     assert {epoch.enabled for epoch in epochs} == {1}
     taken = [epoch.agreed_round or 0 for epoch in epochs]
     assert 0 < max(taken) <= wanted.diameter
@@ -87,17 +94,18 @@ def test_without_loss_all_agree_within_the_diameter_and_enable_one(graph: str) -
 
 def test_fewer_rounds_than_the_diameter_enable_several() -> None:
     wanted = case("line", 20, 0.0, rounds=3, epochs=50)
-    epochs = play(Piece(wanted, 0, 50)).epochs
+    epochs = play(EpochBatch(wanted, 0, 50)).epochs
     assert max(epoch.enabled for epoch in epochs) > 1
     assert {epoch.agreed_round for epoch in epochs} == {
-        epoch.agreed_round for epoch in play(Piece(case("line", 20, 0.0, epochs=50), 0, 50)).epochs
+        epoch.agreed_round
+        for epoch in play(EpochBatch(case("line", 20, 0.0, epochs=50), 0, 50)).epochs
     }
 
 
 def test_an_epoch_is_the_same_in_any_piece_of_work() -> None:
     wanted = case("random", 12, 0.3, epochs=20)
-    whole = play(Piece(wanted, 0, 20)).epochs
-    assert play(Piece(wanted, 7, 5)).epochs == whole[7:12]
+    whole = play(EpochBatch(wanted, 0, 20)).epochs
+    assert play(EpochBatch(wanted, 7, 5)).epochs == whole[7:12]
 
 
 def test_pieces_are_every_epoch_of_every_case_once() -> None:
@@ -112,7 +120,7 @@ def test_the_line_of_three_meets_the_closed_forms(loss: float) -> None:
     """For each place of the largest and the second; 99.9 %, not 95 %, so that none is off."""
     wanted = case("line", 3, loss, epochs=6000)
     assert applies(wanted)
-    (epochs,) = by_case([wanted], [play(Piece(wanted, 0, 6000))]).values()
+    (epochs,) = by_case([wanted], [play(EpochBatch(wanted, 0, 6000))]).values()
     found = list(beside(wanted, epochs))
     assert [row.place for row in found] == list(PLACES)
     assert sum(row.epochs for row in found) == 6000

@@ -11,9 +11,9 @@ import pytest
 from rich.console import Console
 
 from deploy.experiments.consensus.figure import consensus_figure
-from deploy.experiments.consensus.network import Epoch, Piece, Played, pieces, play
+from deploy.experiments.consensus.network import BatchResult, Epoch, EpochBatch, pieces, play
 from deploy.experiments.consensus.processes import boards_max
-from deploy.experiments.consensus.run import Row, grid, rows, spread, write_csv
+from deploy.experiments.consensus.run import ConsensusRow, grid, rows, spread, write_csv
 from deploy.experiments.consensus.table import rounds_table, wall_table
 
 pytestmark = pytest.mark.slow
@@ -24,7 +24,7 @@ CASES = grid(
 
 
 @pytest.fixture(scope="module")
-def found() -> list[Row]:
+def found() -> list[ConsensusRow]:
     return list(rows(CASES, map(play, pieces(CASES))))
 
 
@@ -78,7 +78,7 @@ def test_percentiles_are_values_that_came_up_and_never_comes_last() -> None:
 def test_a_row_counts_its_epochs() -> None:
     case = CASES[0]
     epochs = [Epoch(0, 1, 1), Epoch(1, 2, 1), Epoch(2, 3, 2), Epoch(3, None, 4)]
-    (row,) = rows([case], [Played(case, epochs[2:]), Played(case, epochs[:2])])
+    (row,) = rows([case], [BatchResult(case, epochs[2:]), BatchResult(case, epochs[:2])])
     assert row.epochs == 4
     assert row.agreed_in_diameter == row.agreed_in_rounds == 0.5
     assert (row.enabled_0, row.enabled_1, row.enabled_2_or_more) == (0, 2, 2)
@@ -86,17 +86,17 @@ def test_a_row_counts_its_epochs() -> None:
     assert row.agreement_rounds == (2, None, None, None)
 
 
-def test_rows_come_in_the_order_of_the_grid_whoever_was_first(found: list[Row]) -> None:
+def test_rows_come_in_the_order_of_the_grid_whoever_was_first(found: list[ConsensusRow]) -> None:
     backwards = [play(piece) for piece in reversed(pieces(CASES))]
     assert list(rows(CASES, backwards)) == found
 
 
 def test_a_case_without_an_epoch_has_no_row() -> None:
-    some = [play(Piece(CASES[3], 0, 2)), Played(CASES[0], [])]
+    some = [play(EpochBatch(CASES[3], 0, 2)), BatchResult(CASES[0], [])]
     assert [row.boards for row in rows(CASES, some)] == [6]
 
 
-def test_the_file_has_a_line_for_each_case(found: list[Row], tmp_path: Path) -> None:
+def test_the_file_has_a_line_for_each_case(found: list[ConsensusRow], tmp_path: Path) -> None:
     write_csv(found, tmp_path / "consensus.csv")
     with (tmp_path / "consensus.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
@@ -115,7 +115,9 @@ def shown(table: object) -> list[list[str]]:
     return [line.split() for line in capture.get().splitlines()]
 
 
-def test_the_table_fits_a_terminal_and_has_the_numbers_of_the_file(found: list[Row]) -> None:
+def test_the_table_fits_a_terminal_and_has_the_numbers_of_the_file(
+    found: list[ConsensusRow],
+) -> None:
     cells = [line for line in shown(rounds_table(found)) if {"0%", "30%"} & set(line)]
     assert len(cells) == 8
     for line, row in zip(cells, found, strict=True):
@@ -125,12 +127,14 @@ def test_the_table_fits_a_terminal_and_has_the_numbers_of_the_file(found: list[R
     assert not any("…" in word for line in shown(rounds_table(found)) for word in line)
 
 
-def _enabled(row: Row) -> Sequence[float]:
+def _enabled(row: ConsensusRow) -> Sequence[float]:
     counts = (row.enabled_0, row.enabled_1, row.enabled_2_or_more)
     return [count / row.epochs for count in counts]
 
 
-def test_wall_time_has_a_table_and_panels_of_its_own(found: list[Row], tmp_path: Path) -> None:
+def test_wall_time_has_a_table_and_panels_of_its_own(
+    found: list[ConsensusRow], tmp_path: Path
+) -> None:
     timed = [row._replace(wall_ms=spread([1.25, 2.5, 20.0])) for row in found]
     assert (
         sum(line[-4:] == ["2.50", "20.00", "20.00", "20.00"] for line in shown(wall_table(timed)))
@@ -142,7 +146,9 @@ def test_wall_time_has_a_table_and_panels_of_its_own(found: list[Row], tmp_path:
     assert drawn[0].read_bytes() != drawn[1].read_bytes()
 
 
-def test_the_figure_is_the_same_for_the_same_results(found: list[Row], tmp_path: Path) -> None:
+def test_the_figure_is_the_same_for_the_same_results(
+    found: list[ConsensusRow], tmp_path: Path
+) -> None:
     paths = [consensus_figure(found, tmp_path / name) for name in ("a", "b")]
     assert [path.name for path in paths[0]] == ["a.svg", "a.png"]
     for one, other in zip(*paths, strict=True):
@@ -151,7 +157,9 @@ def test_the_figure_is_the_same_for_the_same_results(found: list[Row], tmp_path:
 
 def test_one_case_that_never_agreed_can_be_drawn(tmp_path: Path) -> None:
     case = CASES[1]
-    assert consensus_figure(list(rows([case], [Played(case, [Epoch(0, None, 2)])])), tmp_path / "x")
+    assert consensus_figure(
+        list(rows([case], [BatchResult(case, [Epoch(0, None, 2)])])), tmp_path / "x"
+    )
 
 
 def test_the_command_leaves_tables_file_and_figure(tmp_path: Path) -> None:

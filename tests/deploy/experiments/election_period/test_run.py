@@ -12,8 +12,8 @@ from rich.console import Console
 
 from deploy.experiments.election_period.figure import te_figure
 from deploy.experiments.election_period.run import (
-    Case,
-    Result,
+    PeriodCase,
+    PeriodResult,
     grid,
     in_order,
     measure,
@@ -34,11 +34,11 @@ VALUES = (0.02, 0.05, 0.1)
 
 
 @pytest.fixture(scope="module")
-def results() -> list[Result]:
+def results() -> list[PeriodResult]:
     return in_order([measure(case) for case in reversed(grid(VALUES, SHORT))])
 
 
-def shown(results: list[Result]) -> list[list[str]]:
+def shown(results: list[PeriodResult]) -> list[list[str]]:
     console = Console(width=80)
     with console.capture() as capture:
         console.print(te_table(results))
@@ -77,7 +77,7 @@ def test_every_t_e_that_the_scenario_cannot_have_is_named_before_anything_runs()
     assert "2 rounds, one a tick, do not fit into a period of 2 ticks" in lines[1]
 
 
-def test_a_row_is_a_run_that_can_be_had_again(results: list[Result]) -> None:
+def test_a_row_is_a_run_that_can_be_had_again(results: list[PeriodResult]) -> None:
     scenario = load("paper", [*SHORT, "election.period_s=0.05"])
     again = trajectory(scenario, *run_twin(scenario))
     assert [result.period_s for result in results] == [None, *VALUES]
@@ -91,7 +91,7 @@ def test_a_row_is_a_run_that_can_be_had_again(results: list[Result]) -> None:
     ]
 
 
-def test_the_file_has_a_line_for_each_run(results: list[Result], tmp_path: Path) -> None:
+def test_the_file_has_a_line_for_each_run(results: list[PeriodResult], tmp_path: Path) -> None:
     write_csv(results, tmp_path / "te.csv")
     with (tmp_path / "te.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
@@ -103,7 +103,7 @@ def test_the_file_has_a_line_for_each_run(results: list[Result], tmp_path: Path)
         assert line["state_sha256"] == result.summary["state_sha256"]
 
 
-def test_the_table_fits_a_terminal(results: list[Result]) -> None:
+def test_the_table_fits_a_terminal(results: list[PeriodResult]) -> None:
     lines = [line for line in shown(results) if line and line[0] in ("none", "0.02", "0.05", "0.1")]
     assert len(lines) == 4
     for line, result in zip(lines, results, strict=True):
@@ -112,9 +112,9 @@ def test_the_table_fits_a_terminal(results: list[Result]) -> None:
 
 
 def test_a_fall_is_marked_and_its_numbers_are_not_shown(
-    results: list[Result], tmp_path: Path
+    results: list[PeriodResult], tmp_path: Path
 ) -> None:
-    fell = [*results[:-1], Result(0.1, {**results[-1].summary, "ending": "fell"})]
+    fell = [*results[:-1], PeriodResult(0.1, {**results[-1].summary, "ending": "fell"})]
     last = next(line for line in shown(fell) if line and line[0] == "0.1")
     assert last == ["0.1", *["-"] * 10, "fell"]
     standing, _ = te_figure(results, 0.1, tmp_path / "a")
@@ -122,12 +122,14 @@ def test_a_fall_is_marked_and_its_numbers_are_not_shown(
     assert standing.read_bytes() != fallen.read_bytes()
 
 
-def test_only_falls_can_be_drawn(results: list[Result], tmp_path: Path) -> None:
-    fell = [Result(r.period_s, {**r.summary, "ending": "fell"}) for r in results]
+def test_only_falls_can_be_drawn(results: list[PeriodResult], tmp_path: Path) -> None:
+    fell = [PeriodResult(r.period_s, {**r.summary, "ending": "fell"}) for r in results]
     assert te_figure(fell, 0.1, tmp_path / "fell")
 
 
-def test_the_figure_is_the_same_for_the_same_results(results: list[Result], tmp_path: Path) -> None:
+def test_the_figure_is_the_same_for_the_same_results(
+    results: list[PeriodResult], tmp_path: Path
+) -> None:
     paths = [te_figure(results, 0.1, tmp_path / name) for name in ("a", "b")]
     assert [path.name for path in paths[0]] == ["a.svg", "a.png"]
     for one, other in zip(*paths, strict=True):
@@ -136,7 +138,7 @@ def test_the_figure_is_the_same_for_the_same_results(results: list[Result], tmp_
 
 def test_a_real_fall_is_a_result() -> None:
     settings = ("run.duration_s=3", "board.0.servo.kp_nm_rad=0")
-    assert measure(Case(0.1, settings)).summary["ending"] == "fell"
+    assert measure(PeriodCase(0.1, settings)).summary["ending"] == "fell"
 
 
 def te(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -159,7 +161,9 @@ def test_the_command_leaves_table_file_and_figure(tmp_path: Path) -> None:
     ]
 
 
-def test_json_has_the_same_facts_and_is_all_there_is(results: list[Result], tmp_path: Path) -> None:
+def test_json_has_the_same_facts_and_is_all_there_is(
+    results: list[PeriodResult], tmp_path: Path
+) -> None:
     done = te("--values", "0.05", "--out", str(tmp_path), "--json")
     told = json.loads(done.stdout)
     assert told["complete"] is True

@@ -19,7 +19,7 @@ from deploy.recording.mcap.contents import METADATA, NoRecordingError
 from deploy.recording.mcap.file import read_mcap, write_mcap
 from deploy.recording.mcap.messages import channels
 from deploy.recording.trajectory import recorded_trajectory
-from plant_server.session.record import FELL, Undriven
+from plant_server.session.record import FELL, UndrivenJoint
 from plant_server.spool.spool import Spool
 from protocol.robot.events import EnergyLoss, MidwayDeparture
 from protocol.robot.sensors import Readings
@@ -93,7 +93,7 @@ def odd(of: Spool) -> Spool:
         events=(EnergyLoss(1, nan), MidwayDeparture(1, "died")),
     )
     assert of.outcome is not None
-    undriven = Undriven("knee", -3, "braked", has_board=False)
+    undriven = UndrivenJoint("knee", -3, "braked", has_board=False)
     outcome = of.outcome._replace(ending=FELL, angles_rad=(nan, nan, nan), undriven=(undriven,))
     return of._replace(ticks=ticks, outcome=outcome)
 

@@ -4,9 +4,13 @@ import pytest
 from matplotlib.figure import Figure
 
 from deploy.report.charts.timeline import draw_timeline
-from deploy.report.sections.happenings import Kind, Span
+from deploy.report.sections.happenings import HappeningKind, Span
 
-AWAY, SYNCING, FAULT = str(Kind.AWAY), str(Kind.SYNCING), "fault 1: controller raised"
+AWAY, SYNCING, FAULT = (
+    str(HappeningKind.AWAY),
+    str(HappeningKind.SYNCING),
+    "fault 1: controller raised",
+)
 
 
 def written(*spans: Span) -> list[str]:
@@ -26,9 +30,9 @@ def written(*spans: Span) -> list[str]:
     ],
 )
 def test_a_gap_is_not_taken_for_a_delay_line(gone: int, filled: int, labels: list[str]) -> None:
-    away = Span("hip", 4000, gone, Kind.AWAY, AWAY)
-    assert written(away, Span("hip", gone, filled, Kind.SYNCING, SYNCING)) == labels
+    away = Span("hip", 4000, gone, HappeningKind.AWAY, AWAY)
+    assert written(away, Span("hip", gone, filled, HappeningKind.SYNCING, SYNCING)) == labels
 
 
 def test_a_short_fault_is_named_behind_its_box() -> None:
-    assert written(Span("hip", 100, 110, Kind.FAULT, FAULT)) == [FAULT]
+    assert written(Span("hip", 100, 110, HappeningKind.FAULT, FAULT)) == [FAULT]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deploy.outcome.foot_margin import foot_margin
-from deploy.report.page import Figure, Table
+from deploy.report.page import Figure, PageTable
 from deploy.report.pictures import Pictures
 from deploy.report.runs import ReportedRun, look_at
 from deploy.report.sections.foot import draw_foot, foot
@@ -32,7 +32,7 @@ def test_the_margin_is_that_of_the_summary(tipping: ReportedRun) -> None:
     figure, table = foot([tipping], Pictures(several=False))
     found = foot_margin(tipping.recording.trajectory)
     assert isinstance(figure, Figure)
-    assert isinstance(table, Table)
+    assert isinstance(table, PageTable)
     assert found is not None
     assert found.tipping_ticks > 0
     assert table.rows == [["the sole", "0.0", str(found.tipping_ticks)]]
@@ -42,5 +42,5 @@ def test_a_body_without_a_foot_has_no_word_of_it(tipping: ReportedRun) -> None:
     bare = look_at(recording(run("paper", "run.duration_s=0.3")), "bare", 2)
     assert foot([bare], Pictures(several=False)) == []
     _, table = foot([tipping, bare], Pictures(several=True))
-    assert isinstance(table, Table)
+    assert isinstance(table, PageTable)
     assert [row[0] for row in table.rows] == ["tipping"]

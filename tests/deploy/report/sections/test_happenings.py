@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 
 from deploy.recording.trajectory import Trajectory
-from deploy.report.sections.happenings import Kind, Span, timeline, told
+from deploy.report.sections.happenings import HappeningKind, Span, timeline, told
 from protocol.robot.events import (
     Admission,
     BoardFault,
@@ -51,9 +51,9 @@ def test_spans_of_a_lane_follow_each_other_within_the_run(name: str) -> None:
 def test_a_cut_ends_what_the_scenario_has_for_good_and_gives_it_back() -> None:
     spans = lanes(run("storm"))["knee-hip"]
     assert [(span.first_tick, span.end_tick, span.kind) for span in spans] == [
-        (0, 800, Kind.FAULTS),
-        (800, 1000, Kind.CUT),
-        (1000, 10_000, Kind.FAULTS),
+        (0, 800, HappeningKind.FAULTS),
+        (800, 1000, HappeningKind.CUT),
+        (1000, 10_000, HappeningKind.FAULTS),
     ]
     assert spans[0].label == spans[2].label
     assert "loss 0.1" in spans[0].label
@@ -72,8 +72,8 @@ def test_what_is_true_of_all_links_is_one_lane() -> None:
 def test_a_joint_without_a_board_and_the_sides_that_it_leaves() -> None:
     found = lanes(run("knee-out"))
     away, syncing = found["knee"]
-    assert (away.kind, away.first_tick, away.end_tick) == (Kind.AWAY, 2000, 4000)
-    assert (syncing.kind, syncing.first_tick) == (Kind.SYNCING, 4000)
+    assert (away.kind, away.first_tick, away.end_tick) == (HappeningKind.AWAY, 2000, 4000)
+    assert (syncing.kind, syncing.first_tick) == (HappeningKind.SYNCING, 4000)
     (apart,) = found["cut apart"]
     assert (apart.first_tick, apart.end_tick, apart.label) == (2000, 4000, "ankle | hip")
 
@@ -95,7 +95,7 @@ def test_a_board_that_failed_says_with_which_code() -> None:
         (300, 310, "filling its delay line"),
         (400, 500, "fault 3: election raised"),
     ]
-    assert found["knee"] == [Span("knee", 50, 60, Kind.SAFE, Kind.SAFE)]
+    assert found["knee"] == [Span("knee", 50, 60, HappeningKind.SAFE, HappeningKind.SAFE)]
 
 
 def test_what_is_bad_from_the_start_is_told_before_all_events() -> None:

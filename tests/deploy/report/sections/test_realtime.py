@@ -9,7 +9,7 @@ import pytest
 from deploy.recording.arrays import Recording
 from deploy.recording.realtime_times import realtime_times
 from deploy.report.compose import compose
-from deploy.report.page import Figure, Page, Table
+from deploy.report.page import Figure, Page, PageTable
 from deploy.report.runs import look_at
 from deploy.report.sections.run_table import NO_BARRIER
 from deploy.scenario_file.load import load
@@ -40,9 +40,9 @@ def page_of(*recordings: Recording) -> Page:
     return page
 
 
-def blocks(page: Page) -> dict[str, Figure | Table]:
+def blocks(page: Page) -> dict[str, Figure | PageTable]:
     found = [block for section in page.sections for block in section.blocks]
-    return {block.title: block for block in found if isinstance(block, Figure | Table)}
+    return {block.title: block for block in found if isinstance(block, Figure | PageTable)}
 
 
 def test_it_has_a_section_of_its_own_and_none_that_needs_a_barrier() -> None:
@@ -74,8 +74,8 @@ def test_the_numbers_are_those_of_the_summary() -> None:
     of = look_at(by_the_wall(), "run")
     page = blocks(compose([of])[0])
     deadlines, ages = page["Deadlines"], page["Age of what was used, in ms"]
-    assert isinstance(deadlines, Table)
-    assert isinstance(ages, Table)
+    assert isinstance(deadlines, PageTable)
+    assert isinstance(ages, PageTable)
     for row, (joint, board) in zip(
         deadlines.rows, of.summary["realtime"]["boards"].items(), strict=True
     ):
@@ -98,7 +98,7 @@ def test_beside_a_run_in_lockstep_each_says_what_it_has_not() -> None:
     assert html.count(f"run 1: {NO_BARRIER}") == 4
     assert html.count("run 2: It ran in lockstep.") == 1
     deadlines = blocks(page)["Deadlines"]
-    assert isinstance(deadlines, Table)
+    assert isinstance(deadlines, PageTable)
     assert deadlines.header[0] == "run"
 
 

@@ -1,6 +1,6 @@
 """Strain: missed deadlines are told seldom, with their number and cause."""
 
-from module_agent.firmware.own_time.deadline_reporter import Strain, Turned
+from module_agent.firmware.own_time.deadline_reporter import DeadlineReporter, TurnAccount
 
 PERIOD_NS = 2_000_000
 SECOND_NS = 1_000_000_000
@@ -11,10 +11,10 @@ def told(
     seconds: int, missed: int, *, computing_ns: int = 200_000, silent_ns: int = SILENT_NS
 ) -> list[tuple[int, str]]:
     """A board that misses so many deadlines in each turn of 10 ms; when it complains, and how."""
-    strain, lines = Strain(period_ns=PERIOD_NS, silent_ns_max=SILENT_NS), []
+    strain, lines = DeadlineReporter(period_ns=PERIOD_NS, silent_ns_max=SILENT_NS), []
     for n in range(seconds * 100):
         now_ns = n * SECOND_NS // 100
-        line = strain.turned(Turned(now_ns, missed, 4_100_000, computing_ns, silent_ns))
+        line = strain.turned(TurnAccount(now_ns, missed, 4_100_000, computing_ns, silent_ns))
         if line is not None:
             lines.append((now_ns // SECOND_NS, line))
     return lines
@@ -52,10 +52,10 @@ def test_a_plant_that_is_silent_is_told_of_too() -> None:
 
 
 def test_after_a_quiet_while_it_speaks_at_once_again() -> None:
-    strain, lines = Strain(period_ns=PERIOD_NS, silent_ns_max=SILENT_NS), []
+    strain, lines = DeadlineReporter(period_ns=PERIOD_NS, silent_ns_max=SILENT_NS), []
     for n in range(6000):
         bad = n < 1500 or n >= 4500
-        line = strain.turned(Turned(n * SECOND_NS // 100, int(bad), 3_000_000, 100_000, 0))
+        line = strain.turned(TurnAccount(n * SECOND_NS // 100, int(bad), 3_000_000, 100_000, 0))
         if line is not None:
             lines.append(n // 100)
     assert lines[:4] == [1, 3, 7, 15]

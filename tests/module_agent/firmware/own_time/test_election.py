@@ -15,7 +15,7 @@ from module_agent.firmware.controller import (
     Round,
     Vote,
 )
-from module_agent.firmware.election import Election, Gossip, Heard
+from module_agent.firmware.election import Election, Gossip, HeardGossip
 from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
 from protocol.robot.states import FaultCode
@@ -40,7 +40,9 @@ class Timed:
         self.own_time = own
         self.election = Election(own.config.election, rule, board=board, listens_always=True)
 
-    def tick(self, slot: int, urgency: float, heard: list[Heard], rostered: Sequence[int]) -> None:
+    def tick(
+        self, slot: int, urgency: float, heard: list[HeardGossip], rostered: Sequence[int]
+    ) -> None:
         self.election.tick(self.own_time.round(slot), urgency, heard, rostered)
 
 
@@ -85,7 +87,7 @@ class Line:
         mine = [entry for entry in self._under_way if entry[1] == board and entry[0] <= now]
         self._under_way = [entry for entry in self._under_way if entry not in mine]
         near = [other for other in (board - 1, board + 1) if 0 <= other < len(self.boards)]
-        heard = [Heard(near.index(sender), gossip) for _, _, sender, gossip in sorted(mine)]
+        heard = [HeardGossip(near.index(sender), gossip) for _, _, sender, gossip in sorted(mine)]
         one = self.boards[board]
         if slot * self.rates[board] % PERIOD < self.rates[board]:
             self.urgencies[board] = self.random.random()
@@ -169,7 +171,7 @@ def test_the_last_round_takes_what_is_left_of_the_period() -> None:
 def test_gossip_of_another_epoch_counts_for_nothing() -> None:
     one = election(0)
     for slot in range(5):
-        one.tick(slot, 0.1, [Heard(0, Gossip(7, 1, Candidate(9.0, 1)))], [0])
+        one.tick(slot, 0.1, [HeardGossip(0, Gossip(7, 1, Candidate(9.0, 1)))], [0])
     assert one.election.enabled
     assert one.election.incomplete_epochs == 1
 
@@ -187,7 +189,7 @@ def test_a_rule_that_fails_in_a_round_slept_through_costs_the_others_nothing() -
 
     one = Timed(Failing(), own_time(2), board=0)
     one.tick(0, 0.5, [], [0])
-    said = [Heard(0, Gossip(0, 1, Candidate(0.9, 1)))]
+    said = [HeardGossip(0, Gossip(0, 1, Candidate(0.9, 1)))]
     with pytest.raises(FaultError):
         one.tick(4, 0.5, said, [0])  # In round 2; round 1 was slept through.
     one.election.relay(Only(0))

@@ -11,7 +11,7 @@ from module_agent.firmware.own_time.translator import OwnTime
 from protocol.robot.cadence import Cadence
 from protocol.robot.events import PERFECT, LinkParameters
 from protocol.wire.frames import NO_EPOCH, NO_TICK, LinkFrame, Neighbour, Reason, encode
-from protocol.wire.trace import Lived, Taken
+from protocol.wire.trace import TakenFrames, TickTrace
 from protocol.wire.trace_differences import TraceWriter, decode_trace
 from tests.module_agent.robot import config
 
@@ -76,13 +76,13 @@ def test_what_was_overtaken_is_dropped_and_nobody_is_to_blame() -> None:
 def test_it_says_which_frames_it_took() -> None:
     """For the trace: whoever plays the run again puts in the same ones."""
     box = mailbox()
-    assert box.taken == Taken(NO_TICK, 0)
+    assert box.taken == TakenFrames(NO_TICK, 0)
     for tick in (0, 8, 12):
         box.put(frame(tick))
     heard(box, 6)
-    assert box.taken == Taken(12, 0b101)
+    assert box.taken == TakenFrames(12, 0b101)
     heard(box, 7)
-    assert box.taken == Taken(12, 0)
+    assert box.taken == TakenFrames(12, 0)
 
 
 def test_a_storm_leaves_the_newest_few() -> None:
@@ -192,7 +192,7 @@ def test_what_is_far_apart_is_not_taken_together(apart: int) -> None:
     assert heard(box, 5) == [0, apart * SENDERS][not together :]
     assert box.refused[Reason.TICK] == (not together)
     writer = TraceWriter(run_id=RUN, incarnation=1, links=1)
-    writer.add(Lived(5, 0, 0, 0, 0, 0, 0, 0, (box.taken,)))
+    writer.add(TickTrace(5, 0, 0, 0, 0, 0, 0, 0, (box.taken,)))
     payload = writer.flush()
     assert payload is not None
     assert decode_trace(payload).lived[0].taken == (box.taken,)

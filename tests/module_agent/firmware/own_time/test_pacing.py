@@ -5,7 +5,14 @@ from random import Random
 
 import pytest
 
-from module_agent.firmware.own_time.pacing import CATCH_UP_MAX, Deadlines, Due, Loop, Slots, Turn
+from module_agent.firmware.own_time.pacing import (
+    CATCH_UP_MAX,
+    Deadlines,
+    DuePeriods,
+    LoopTurn,
+    PeriodicLoop,
+    Slots,
+)
 
 TICK_NS = 1_000_000
 PERIOD_NS = 2_000_000
@@ -27,24 +34,24 @@ def test_a_million_jittery_wake_ups_do_not_drift() -> None:
 def test_nothing_is_due_early() -> None:
     deadlines = Deadlines(start_ns=START_NS, period_ns=PERIOD_NS)
     assert deadlines.wake(START_NS - 1) is None
-    assert deadlines.wake(START_NS) == Due(1, 0)
+    assert deadlines.wake(START_NS) == DuePeriods(1, 0)
     assert deadlines.wake(START_NS + PERIOD_NS - 1) is None
-    assert deadlines.wake(START_NS + PERIOD_NS + 5) == Due(1, 5)
+    assert deadlines.wake(START_NS + PERIOD_NS + 5) == DuePeriods(1, 5)
 
 
 def test_who_oversleeps_is_told_how_many_periods_and_by_how_much() -> None:
     deadlines = Deadlines(start_ns=START_NS, period_ns=PERIOD_NS)
-    assert deadlines.wake(START_NS + 3 * PERIOD_NS + 7) == Due(4, 3 * PERIOD_NS + 7)
+    assert deadlines.wake(START_NS + 3 * PERIOD_NS + 7) == DuePeriods(4, 3 * PERIOD_NS + 7)
     assert deadlines.next_ns == START_NS + 4 * PERIOD_NS, "the grid stays where it is"
 
 
-def loop(*, catches_up: bool = False, phase: float = 0.25) -> Loop:
-    made = Loop(tick_ns=TICK_NS, ticks_per_period=2, phase=phase, catches_up=catches_up)
+def loop(*, catches_up: bool = False, phase: float = 0.25) -> PeriodicLoop:
+    made = PeriodicLoop(tick_ns=TICK_NS, ticks_per_period=2, phase=phase, catches_up=catches_up)
     made.observed(0, START_NS)
     return made
 
 
-def wake(made: Loop, late_ns: int = 0) -> Turn:
+def wake(made: PeriodicLoop, late_ns: int = 0) -> LoopTurn:
     assert made.next_ns is not None
     turn = made.wake(made.next_ns + late_ns)
     assert turn is not None
@@ -52,27 +59,27 @@ def wake(made: Loop, late_ns: int = 0) -> Turn:
 
 
 def test_the_first_observation_starts_the_loop_at_its_phase() -> None:
-    made = Loop(tick_ns=TICK_NS, ticks_per_period=2, phase=0.75, catches_up=False)
+    made = PeriodicLoop(tick_ns=TICK_NS, ticks_per_period=2, phase=0.75, catches_up=False)
     assert made.next_ns is None
     assert made.wake(START_NS) is None
     made.observed(-9, START_NS)
     assert made.next_ns == START_NS - TICK_NS + 1_500_000, "tick -9 is the second one of slot -5"
-    assert wake(made) == Turn((-5,), 0, 0, 1_500_000)
+    assert wake(made) == LoopTurn((-5,), 0, 0, 1_500_000)
     assert wake(made, 100).slots == (-4,)
 
 
 def test_what_was_missed_is_skipped() -> None:
     made = loop()
     wake(made)
-    assert wake(made, 3 * PERIOD_NS + 1) == Turn((4,), 3, 3 * PERIOD_NS + 1, 500_001)
-    assert wake(made) == Turn((5,), 0, 0, 500_000), "back on the grid at once"
+    assert wake(made, 3 * PERIOD_NS + 1) == LoopTurn((4,), 3, 3 * PERIOD_NS + 1, 500_001)
+    assert wake(made) == LoopTurn((5,), 0, 0, 500_000), "back on the grid at once"
 
 
 def test_what_was_missed_is_made_up_for() -> None:
     made = loop(catches_up=True)
     wake(made)
-    assert wake(made, 3 * PERIOD_NS + 1) == Turn((1, 2, 3, 4), 0, 3 * PERIOD_NS + 1, 500_001)
-    assert wake(made) == Turn((5,), 0, 0, 500_000)
+    assert wake(made, 3 * PERIOD_NS + 1) == LoopTurn((1, 2, 3, 4), 0, 3 * PERIOD_NS + 1, 500_001)
+    assert wake(made) == LoopTurn((5,), 0, 0, 500_000)
 
 
 def test_no_more_is_made_up_for_than_is_of_use() -> None:

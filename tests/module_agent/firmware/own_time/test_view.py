@@ -5,9 +5,9 @@ import pytest
 from module_agent.firmware.body_view import (
     FORGET_EVERY_TICKS,
     LATENESS_TICKS_MAX,
+    AngleAndRate,
     BodyView,
-    OwnTurns,
-    Turn,
+    OwnAngles,
 )
 from protocol.robot.hardware import Link
 from protocol.robot.states import State
@@ -29,14 +29,14 @@ def view(*, has_imu: bool = True, pitch: int = 1) -> BodyView:
     )
 
 
-def turn(slot: int) -> Turn:
-    return Turn(0.01 * slot, 0.1)
+def turn(slot: int) -> AngleAndRate:
+    return AngleAndRate(0.01 * slot, 0.1)
 
 
 def live(one: BodyView, slot: int, sampled: int, *, top: bool = True) -> None:
     """A period in which the newest observation is of `sampled`."""
     one.advance(slot)
-    one.sense(sampled, OwnTurns(turn(sampled), turn(sampled)), top=top)
+    one.sense(sampled, OwnAngles(turn(sampled), turn(sampled)), top=top)
 
 
 def test_a_sample_bears_the_period_in_which_it_was_taken() -> None:
