@@ -34,7 +34,7 @@ class Cycle:
             phase=(config.boards - config.index) / (config.boards + 1),
             catches_up=own_time.cadence.catches_up,
         )
-        self.strain = DeadlineReporter(
+        self.deadline_reporter = DeadlineReporter(
             period_ns=self.loop.period_ns, silent_ns_max=own_time.cadence.age_ticks_max * tick_ns
         )
         self._observed_ns = 0
@@ -92,7 +92,7 @@ class Cycle:
         """End a turn; return a line for the user if there is one, and it is time for it."""
         late_ns = self._turn.late_ns + now_ns - self._woke_ns - self.loop.period_ns
         silent_ns = now_ns - self._observed_ns
-        return self.strain.turned(
+        return self.deadline_reporter.turned(
             TurnAccount(now_ns, self._missed, late_ns, computing_ns, silent_ns)
         )
 
