@@ -24,7 +24,7 @@ from deploy.recording.mcap.file import dump
 from deploy.recording.replay import Replay
 from deploy.recording.trajectory import Trajectory
 from deploy.report.sections.happenings import timeline, told
-from deploy.report.words import Words
+from deploy.report.words import Wording
 from plant_server.session.control import answer
 from plant_server.session.record import COMPLETE, Outcome, TickRecord
 from plant_server.spool.spool import SpoolWriter, read_spool
@@ -60,7 +60,7 @@ def test_every_event_has_words_and_a_place_in_the_summary(tag: str, data: st.Dat
     event = data.draw(of_kind(EVENTS[tag], 3))
     check_event(event, scenario().joints)
     trajectory = replace(short(), events=[(7, event)])
-    words = Words(scenario()).event(event)
+    words = Wording(scenario()).event(event)
     assert words
     assert [found.words for found in told(trajectory)] == [words]
     timeline(trajectory)
