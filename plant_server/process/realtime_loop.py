@@ -92,7 +92,7 @@ class PlantRealtimeLoop:
         if now_s - self._complained_s >= COMPLAIN_EVERY_S:
             self._complained_s = now_s
             plant, boards = self.running.plant, self.boards
-            age_ms = self.running.cadence.age_ticks_max * plant.config.tick_s * 1e3
+            age_ms = self.running.cadence.age_ticks_max * plant.config.run.tick_s * 1e3
             boards.console.tell(
                 f"{boards.joints[board]}'s torque was older than {age_ms:g} ms at tick"
                 f" {plant.tick - 1}, for no newer one had come; 0 N m until one does"

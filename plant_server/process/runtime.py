@@ -105,11 +105,11 @@ def assemble(
     if config.cadence is None:
         lockstep = Lockstep(plant)
         boards = BoardProcesses(network, enrolment, lockstep, console, recorder)
-        paced = None if pace is None else Pace(tick_s=config.tick_s, pace=pace)
+        paced = None if pace is None else Pace(tick_s=config.run.tick_s, pace=pace)
         patience_s = options.patience_s
         loop = PlantLockstepLoop(lockstep, boards, patience_s=patience_s, pace=paced)
         return PlantRuntime(boards, loop)
     running = FreeRunning(plant)
     boards = BoardProcesses(network, enrolment, running, console, recorder)
-    realtime = Pace(tick_s=config.tick_s, pace=pace or 1.0)
+    realtime = Pace(tick_s=config.run.tick_s, pace=pace or 1.0)
     return PlantRuntime(boards, PlantRealtimeLoop(running, boards, pace=realtime))

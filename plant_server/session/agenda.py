@@ -67,7 +67,7 @@ class StartUp:
     def __init__(self, config: PlantConfig, agenda: Agenda) -> None:
         self._agenda = agenda
         self._clocks = [
-            Clock(sheet, seed=config.seed, board=board, tick_s=config.tick_s)
+            Clock(sheet, seed=config.run.seed, board=board, tick_s=config.run.tick_s)
             for board, sheet in enumerate(config.clock_sheets)
         ]
 

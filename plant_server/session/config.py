@@ -15,7 +15,7 @@ from protocol.robot.hardware import (
     PassiveElement,
     UnattendedJoint,
 )
-from protocol.robot.scenario import Scenario
+from protocol.robot.scenario import RunSettings, Scenario
 from protocol.robot.sensors import SensorName, SensorSheet
 
 
@@ -34,16 +34,10 @@ class PlantConfig(NamedTuple):
     """Parameters, other than perfect ones, of directed links (sender, receiver)."""
     events: tuple[tuple[int, Command], ...]
     """What the scenario does to the robot, and in which tick."""
-    tick_s: float
-    substeps: int
-    ticks: int
-    fallen_below: float
-    """Fraction of the upright height of the centre of mass."""
+    run: RunSettings
     warm_up_ticks: int
     cadence: Cadence | None = None
     """None: lockstep."""
-    seed: int = 0
-    """Of all noise."""
     sensors: tuple[tuple[SensorName, ...], ...] = ()
     """Names of the sensors of each board."""
     sensor_sheets: tuple[SensorSheet, ...] = ()
@@ -72,13 +66,9 @@ def plant_config(scenario: Scenario) -> PlantConfig:
         unattended=tuple(board.unattended for board in boards),
         standing_links=scenario.standing_links,
         events=tuple((event.tick, event.command) for event in scenario.events),
-        tick_s=run.tick_s,
-        substeps=run.substeps,
-        ticks=run.ticks,
-        fallen_below=run.fallen_below,
+        run=run,
         warm_up_ticks=warm_up_ticks + (cadence.settle_ticks if cadence else 0),
         cadence=cadence,
-        seed=run.seed,
         sensors=tuple(board.sensor_names for board in boards),
         sensor_sheets=tuple(board.sensors for board in boards),
         clock_sheets=tuple(_clock(board.clock, cadence) for board in boards),

@@ -65,7 +65,7 @@ def status(driver: Lockstep | FreeRunning, watch: PlantWatch) -> dict[str, Any]:
     waiting_for = driver.waiting_for if isinstance(driver, Lockstep) else []
     found = {
         "tick": plant.tick,
-        "tick_s": plant.config.tick_s,
+        "tick_s": plant.config.run.tick_s,
         "segments": list(plant.config.segments),
         "waits_for": [joints[board] for board in waiting_for],
         "sides": [[joints[board] for board in side] for side in plant.roster.sides()],
@@ -101,7 +101,7 @@ def _realtime(running: FreeRunning, joints: list[str]) -> list[dict[str, Any]]:
     return [
         {
             "joint": joint,
-            "rate_hz": 1.0 / (period * plant.config.tick_s),
+            "rate_hz": 1.0 / (period * plant.config.run.tick_s),
             "periods": tally.periods,
             "missed": tally.missed,
             "late_ms_max": tally.late_us_max / 1e3,
@@ -160,8 +160,8 @@ def _schedule(plant: Plant, joints: list[str], command: Command) -> int:
     """Put a command on the agenda, and return the tick in which its turn will come."""
     tick = plant.tick + 1
     turn = plant.agenda.turn(tick)
-    if turn >= plant.config.ticks:
-        raise EventError(f"the run is over at tick {plant.config.ticks}")
+    if turn >= plant.config.run.ticks:
+        raise EventError(f"the run is over at tick {plant.config.run.ticks}")
     _check_effect(plant, joints, command)
     plant.agenda.add(tick, command)
     return turn

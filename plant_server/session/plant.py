@@ -63,9 +63,9 @@ class Plant:
         self.body = Body(
             chain_of(config.links),
             initial_angles_rad=config.initial_angles_rad,
-            tick_s=config.tick_s,
-            substeps=config.substeps,
-            fallen_below=config.fallen_below,
+            tick_s=config.run.tick_s,
+            substeps=config.run.substeps,
+            fallen_below=config.run.fallen_below,
             passive=config.passive,
         )
         cadence = config.cadence
@@ -74,11 +74,11 @@ class Plant:
             config.sensor_sheets,
             config.clock_sheets,
             ticks_per_period=cadence.ticks_per_period if cadence else (1,) * self.size,
-            seed=config.seed,
-            tick_s=config.tick_s,
+            seed=config.run.seed,
+            tick_s=config.run.tick_s,
         )
         self.actuators = Actuators(
-            config.torque_limits_nm, config.motor_sheets, config.foot, tick_s=config.tick_s
+            config.torque_limits_nm, config.motor_sheets, config.foot, tick_s=config.run.tick_s
         )
         self.tick = -config.warm_up_ticks
         self.roster = Roster(self.size, config.standing_links, config.references_rad)
@@ -99,7 +99,7 @@ class Plant:
     @property
     def over(self) -> bool:
         """The run has had its ticks, or the body lies on the ground."""
-        return self.tick >= self.config.ticks or self.body.fallen
+        return self.tick >= self.config.run.ticks or self.body.fallen
 
     def begin(self) -> Plugging | None:
         """Carry out what is due before the tick is opened. Returns as `obey` does."""

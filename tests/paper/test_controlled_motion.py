@@ -44,7 +44,7 @@ def test_the_fixed_step_follows_the_true_movement(elections: str) -> None:
     accurate.lockstep.plant.body = AccurateBody(
         accurate.lockstep.plant.body.chain,
         initial_angles_rad=config.initial_angles_rad,
-        tick_s=config.tick_s,
+        tick_s=config.run.tick_s,
         substeps=1,
     )
     errors_rad = []

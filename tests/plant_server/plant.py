@@ -10,6 +10,7 @@ from plant_server.session.plant import Plant
 from plant_server.session.record import TickRecord
 from protocol.robot.events import Command, LinkParameters, values_of
 from protocol.robot.hardware import Link, UnattendedJoint
+from protocol.robot.scenario import RunSettings
 from protocol.robot.sensors import EXACT, sensors_of
 from protocol.robot.states import State
 from protocol.wire.frames import (
@@ -37,6 +38,7 @@ def plant(
     *,
     warm_up_ticks: int = 0,
     ticks: int = 1000,
+    seed: int = 0,
     unattended: UnattendedJoint = LIMP,
     events: Iterable[tuple[int, Command]] = (),
     standing: dict[tuple[int, int], LinkParameters] | None = None,
@@ -57,10 +59,7 @@ def plant(
         unattended=(unattended, unattended, unattended),
         standing_links=standing or {},
         events=tuple(events),
-        tick_s=1e-3,
-        substeps=1,
-        ticks=ticks,
-        fallen_below=0.5,
+        run=RunSettings(seed=seed, ticks=ticks, tick_s=1e-3, substeps=1, fallen_below=0.5),
         warm_up_ticks=warm_up_ticks,
         sensors=tuple(
             sensors_of(EXACT, imu=board == HIP, force_plate=board == ANKLE)

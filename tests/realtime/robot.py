@@ -78,7 +78,7 @@ class RealtimeRobot:
         self.random = Random(self.host.seed)
         self.run_id = run_id(scenario.digest)
         config = plant_config(scenario)
-        self.tick_ns = round(config.tick_s * 1e9)
+        self.tick_ns = round(config.run.tick_s * 1e9)
         self.running = FreeRunning(Plant(config, run_id=self.run_id))
         self.records: list[TickRecord] = []
         self.traces: list[tuple[int, bytes]] = []
@@ -92,7 +92,7 @@ class RealtimeRobot:
         self.plugged = [0] * len(scenario.joints)
         for board in range(len(scenario.joints)):
             self.plug(board)
-        self.pace = Pace(tick_s=config.tick_s)
+        self.pace = Pace(tick_s=config.run.tick_s)
         self.pace.wait_s(self.running.plant.tick, 0.0)
         self._at(0, self._tick)
 
