@@ -103,6 +103,8 @@ class BodyView:
         """The newest own sample, and what it was."""
         self._newest_own = OwnAngles(UNKNOWN, UNKNOWN)
         self._forgotten = NO_TICK
+        """Samples up to here are of no use any more; they are dropped in `_forget_tick`."""
+        self._forget_tick = NO_TICK
         self._newest_complete = NO_TICK
         self._newest_lower = NO_TICK
         self._last_lower = UNKNOWN
@@ -113,9 +115,11 @@ class BodyView:
         if self.hold_ticks_max and self._newest != NO_TICK:
             wanted = tick - self.lumped_delay_ticks
             self._hold(min(wanted, self._newest + self.hold_ticks_max) + 1)
-        before, self._forgotten = self._forgotten, tick - self._kept_ticks
-        expired = tick - tick % FORGET_EVERY_TICKS - self._kept_ticks
-        if expired > before:
+        self._forgotten = tick - self._kept_ticks
+        if tick >= self._forget_tick:
+            latest = tick - tick % FORGET_EVERY_TICKS
+            self._forget_tick = latest + FORGET_EVERY_TICKS
+            expired = latest - self._kept_ticks
             stores: tuple[dict[int, Any], ...] = self._joint, self._imu, self._lower, self._complete
             for store in stores:
                 for old in [sample_tick for sample_tick in store if sample_tick <= expired]:
@@ -162,6 +166,9 @@ class BodyView:
     def at(self, tick: int) -> tuple[BodySample, State]:
         """The sample of `tick`, or the best stand-in for it, and which of these it is."""
         own = self._joint.get(tick)
+        sample = self._complete.get(tick)
+        if sample is not None and own is sample.joint:
+            return sample, State.RUNNING
         for age in range(max(self.pitch, GAP_TICKS_MAX) + 1):
             older = self._complete.get(tick - age)
             if older is None:

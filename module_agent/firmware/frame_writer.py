@@ -30,13 +30,9 @@ from protocol.wire.frames import (
 NOTHING_SEEN = (0.0,) * 7
 
 
-class KnownBody(NamedTuple):
-    """What a board knows of the body on one side of it, for the neighbour on the other."""
-
-    sample_tick: int
-    """`NO_TICK`: nothing is known."""
-    values: tuple[float, ...]
-    """The last seven fields of a `LinkFrame`."""
+KnownBody = tuple[int, tuple[float, ...]]
+"""What a board knows of the body on one side of it, for the neighbour on the other: the tick of the
+sample (`NO_TICK`: nothing is known), and the last seven fields of a `LinkFrame`."""
 
 
 class Statement(NamedTuple):
@@ -44,7 +40,7 @@ class Statement(NamedTuple):
 
     gossip: Gossip
     """Its round of the election."""
-    bodies: tuple[KnownBody, ...]
+    bodies: list[KnownBody]
     """To each neighbour what lies on the other side of the board."""
     torque_nm: float
     state: State
@@ -76,9 +72,12 @@ class FrameWriter:
             for neighbour in config.neighbours
         ]
 
-    def bodies(self, state: State) -> tuple[KnownBody, ...]:
+    def bodies(self, state: State) -> list[KnownBody]:
         """What there is to tell each neighbour of the body."""
-        return tuple([known(state) for known in self._known])
+        bodies = []
+        for known in self._known:  # A comprehension is a call more.
+            bodies.append(known(state))  # noqa: PERF401 - in every tick
+        return bodies
 
     def to_neighbours(self, tick: int, now: Statement) -> tuple[bytes, ...]:
         """A frame to each neighbour."""
@@ -118,7 +117,7 @@ class FrameWriter:
         frame = TorqueFrame(
             self.run_id,
             self.incarnation,
-            self._wire_tick(tick),
+            tick if self._own_time is None else self._own_time.plant_tick(tick),
             now.torque_nm,
             int(now.state),
             int(now.enabled),
@@ -144,21 +143,20 @@ class FrameWriter:
             text[start : start + FAULT_TEXT_BYTES_MAX]
             for start in range(0, len(text), FAULT_TEXT_BYTES_MAX)
         ][:FAULT_PARTS_MAX]
-        about = self.run_id, self.incarnation, self._wire_tick(tick), code
+        if self._own_time is not None:
+            tick = self._own_time.plant_tick(tick)
+        about = self.run_id, self.incarnation, tick, code
         return tuple(
             encode(Fault(*about, part, len(texts), piece)) for part, piece in enumerate(texts)
         )
 
-    def _wire_tick(self, tick: int) -> int:
-        return tick if self._own_time is None else self._own_time.plant_tick(tick)
-
     def _for_below(self, state: State) -> KnownBody:
         tick, sample = self.view.for_below(state)
         if sample is None:
-            return KnownBody(NO_TICK, NOTHING_SEEN)
+            return NO_TICK, NOTHING_SEEN
         joint, link, supported = sample
-        return KnownBody(tick, (link.rad - joint.rad, link.rad_s - joint.rad_s, *supported))
+        return tick, (link.rad - joint.rad, link.rad_s - joint.rad_s, *supported)
 
     def _for_above(self, _state: State) -> KnownBody:
         tick, link = self.view.for_above()
-        return KnownBody(tick, (*link, *NOTHING))
+        return tick, (*link, *NOTHING)
