@@ -2,7 +2,7 @@
 
 Rule 1: samples are named by the tick in which they were taken. Only values of one tick are joined.
 Rule 2: when a sample is missing, go on: hold the newest older one for up to 5 ticks, extrapolate it
-        by its rates for up to 20, then take all above for rigid and reckon from the foot up.
+        by its rates for up to 20 more, then take all above for rigid and reckon from the foot up.
 Rule 3: in lockstep every own sample is there. On a clock of its own a board misses some: then the
         one before holds, between two that did arrive, and for up to `hold_ticks_max` ticks after
         the newest. After that it is unsafe to drive.

@@ -36,5 +36,5 @@ class ExitCode(IntEnum):
 
 
 def refused(verdict: int) -> int:
-    """Exit code of a board that the plant refuses with a `protocol.wire.enrolment.Verdict`."""
+    """Exit code of a board that the plant refuses with an `EnrolmentVerdict` (`wire.enrolment`)."""
     return REFUSED_BASE + verdict

@@ -64,7 +64,9 @@ def hears(board: int, frame: TorqueFrame, before: list[TorqueFrame]) -> str:
 
 def transcript(title: str, ticks: list[list[TorqueFrame]]) -> Iterator[str]:
     yield f"One epoch of three boards, {ROUNDS} rounds. {title}"
-    yield "w: how far a board is from its reference. Said in one tick, heard in the next."
+    yield "w: how far a board is from its reference. Who has the largest may move: y = 1."
+    yield "In each round a board says whose w is the largest that it knows of, and how large it is;"
+    yield "its neighbours hear that in the next tick. After the last round each decides its y."
     for number, frames in enumerate(ticks):
         tick = BEGINS + number
         yield ""
@@ -74,7 +76,7 @@ def transcript(title: str, ticks: list[list[TorqueFrame]]) -> Iterator[str]:
                 assert frame.candidate == board
                 yield f"  {JOINTS[board]:6} says {best(frame)}"
             continue
-        what = "round {0}, the last: y is latched" if number == ROUNDS else "round {0}"
+        what = "round {0}, the last: each board decides" if number == ROUNDS else "round {0}"
         yield f"tick {tick}   {what.format(number)}"
         for board, frame in enumerate(frames):
             assert frame.round == number

@@ -1,9 +1,9 @@
 """Joints that are braked, passive or limp, and pushes: what mechanics promises of each."""
 
 import random
-from collections.abc import Iterable, Sequence
-from itertools import accumulate, combinations, pairwise
-from math import atan2, cos, hypot, nan, pi, radians, sin
+from collections.abc import Sequence
+from itertools import pairwise
+from math import atan2, cos, hypot, nan, pi, sin
 
 import mujoco
 import numpy as np
@@ -11,72 +11,23 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from plant_server.body.body import Body
 from plant_server.body.chain import Chain
 from protocol.robot.hardware import Link
-
-SHANK = Link(10.0, 0.5, 0.25, 10.0 * 0.5**2 / 12.0)
-TRUNK = Link(30.0, 0.5, 0.25, 30.0 * 0.5**2 / 12.0)
-PAPER = Chain([SHANK, SHANK, TRUNK])
-STILL = [0.0, 0.0, 0.0]
-WEIGHT_N = 50.0 * 9.81
-SIZES = (1, 2, 3, 5, 7)
-
-
-def some_chain(dice: random.Random, size: int) -> Chain:
-    """Links from finger to torso, their mass anywhere along them."""
-    links = []
-    for _ in range(size):
-        mass_kg, length_m = dice.uniform(0.5, 40.0), dice.uniform(0.1, 0.8)
-        inertia = mass_kg * length_m**2 / dice.uniform(6.0, 20.0)
-        links.append(Link(mass_kg, length_m, length_m * dice.uniform(0.1, 1.0), inertia))
-    return Chain(links)
-
-
-def numbers(dice: random.Random, size: int, span: float) -> list[float]:
-    return [dice.uniform(-span, span) for _ in range(size)]
-
-
-def body(
-    angles_rad: Sequence[float],
-    *,
-    chain: Chain = PAPER,
-    rates_rad_s: Sequence[float] | None = None,
-    braked: Iterable[int] = (),
-    substeps: int = 1,
-) -> Body:
-    made = Body(
-        chain,
-        initial_angles_rad=angles_rad,
-        initial_rates_rad_s=rates_rad_s,
-        tick_s=1e-3,
-        substeps=substeps,
-    )
-    for joint in braked:
-        made.brake(joint)
-    return made
-
-
-def subsets(size: int) -> list[tuple[int, ...]]:
-    return [held for count in range(size + 1) for held in combinations(range(size), count)]
-
-
-def flags(braked: Iterable[int], size: int) -> list[bool]:
-    held = set(braked)
-    return [joint in held for joint in range(size)]
-
-
-def kinetic_j(chain: Chain, angles: Sequence[float], rates: Sequence[float]) -> float:
-    return 0.5 * float(np.asarray(rates) @ np.asarray(chain.mass_matrix(angles)) @ rates)
-
-
-def com_x_m(chain: Chain, link: int, angles: Sequence[float]) -> float:
-    """Forward position of a link's centre of mass."""
-    thetas = list(accumulate(angles))
-    below = zip(chain.links[:link], thetas, strict=False)
-    return sum(part.length_m * sin(theta) for part, theta in below) + chain.links[link].com_m * sin(
-        thetas[link]
-    )
+from tests.plant_server.body.bodies import (
+    PAPER,
+    SHANK,
+    SIZES,
+    STILL,
+    TRUNK,
+    WEIGHT_N,
+    body,
+    flags,
+    kinetic_j,
+    numbers,
+    some_chain,
+    spring_j,
+    subsets,
+)
 
 
 def mujoco_accelerations(
@@ -403,14 +354,6 @@ def test_the_plate_bears_the_moment_of_the_ankle_brake(released: bool) -> None:
 # Springs and dampers.
 
 
-def spring_j(moving: Body, springs: Sequence[tuple[float, float]]) -> float:
-    """Energy of the chain and of springs, each given by its stiffness and rest."""
-    energy_j = moving.chain.energy_j(moving.angles_rad, moving.rates_rad_s)
-    for angle, (stiffness, rest) in zip(moving.angles_rad, springs, strict=True):
-        energy_j += 0.5 * stiffness * (angle - rest) ** 2
-    return energy_j
-
-
 START, RATES = [pi + 0.3, 0.2, -0.1], [0.5, -1.0, 1.5]
 STIFF = [50.0, 30.0, 20.0]
 
@@ -515,69 +458,6 @@ def test_the_torque_sensor_shows_the_motor_or_the_spring_but_not_the_brake() -> 
 # Pushes.
 
 
-@pytest.mark.parametrize("link", range(3))
-@pytest.mark.parametrize("braked", [(), (1,), (0,), (0, 2)])
-def test_a_push_does_work(link: int, braked: tuple[int, ...]) -> None:
-    """The energy gained is force times way of the centre of mass, for a constant force exactly.
-
-    What remains is the step's error: 1e-9 of the work, as for constant torques.
-    """
-    pushed = body([pi, 0.1, -0.1], braked=braked)
-    pushed.forces_n[link] = 25.0
-    start_m, before_j = com_x_m(PAPER, link, pushed.angles_rad), spring_j(pushed, [(0.0, 0.0)] * 3)
-    works_j = [0.1]
-    for _ in range(2000):
-        pushed.step(STILL)
-        works_j.append(25.0 * (com_x_m(PAPER, link, pushed.angles_rad) - start_m))
-    gained_j = spring_j(pushed, [(0.0, 0.0)] * 3) - before_j
-    assert abs(gained_j - works_j[-1]) < 1e-9 * max(map(abs, works_j))
-
-
-def test_a_push_is_a_momentum() -> None:
-    """From rest upright, F h turns into momenta of F h times the height of its centre of mass.
-
-    In one tick the body leans by 1e-5, so gravity adds 1e-5 of it, and lean less: 1e-4.
-    """
-    pushed = body(STILL)
-    pushed.forces_n = [0.0, 0.0, 100.0]
-    pushed.step(STILL)
-    momenta = np.asarray(PAPER.mass_matrix(STILL)) @ pushed.rates_rad_s
-    assert momenta.tolist() == pytest.approx([0.1 * 1.25, 0.1 * 0.75, 0.1 * 0.25], rel=1e-4)
-
-
-def test_no_push_is_no_change() -> None:
-    """After a push has ended, a body is one that starts there, to the bit."""
-    pushed = body([0.1, 0.0, -0.1])
-    pushed.forces_n = [0.0, 0.0, 50.0]
-    pushed.step(STILL)
-    pushed.forces_n = [0.0, 0.0, 0.0]
-    fresh = body(pushed.angles_rad, rates_rad_s=pushed.rates_rad_s)
-    for _ in range(20):
-        pushed.step([1.0, 2.0, 3.0])
-        fresh.step([1.0, 2.0, 3.0])
-    assert (pushed.angles_rad, pushed.rates_rad_s) == (fresh.angles_rad, fresh.rates_rad_s)
-
-
-def test_a_mirrored_push_on_a_mirrored_body_is_the_mirror_image() -> None:
-    """Brake and spring included, to the bit."""
-    there, back = body([0.1, -0.2, 0.3]), body([-0.1, 0.2, -0.3])
-    for sign, each in ((1.0, there), (-1.0, back)):
-        each.forces_n = [0.0, sign * 40.0, sign * -5.0]
-        each.make_passive(0, 300.0, 10.0)
-    for tick in range(200):
-        if tick == 100:
-            assert there.brake(1) == back.brake(1) > 0.0
-        there.step([1.0, 2.0, 3.0])
-        back.step([-1.0, -2.0, -3.0])
-    assert back.angles_rad == [-angle for angle in there.angles_rad]
-    assert back.rates_rad_s == [-rate for rate in there.rates_rad_s]
-    assert back.foot_force_n == there.foot_force_n
-    assert back.foot_cop_m == -there.foot_cop_m
-
-
-# What stays as it was.
-
-
 def test_a_locked_body_does_not_feel_pushes_brakes_or_springs() -> None:
     """S8: nothing moves it, and its sensors feel nothing of it."""
     locked = body([0.1, 0.2, 0.3])
@@ -589,18 +469,6 @@ def test_a_locked_body_does_not_feel_pushes_brakes_or_springs() -> None:
         locked.step([500.0, -500.0, 500.0])
     assert (locked.angles_rad, locked.rates_rad_s) == ([0.1, 0.2, 0.3], STILL)
     assert (locked.torques_nm, locked.foot_force_n) == (STILL, WEIGHT_N)
-
-
-def test_a_push_can_make_it_fall() -> None:
-    """S21: also with every joint but the ankle braked, when it is one rigid pendulum."""
-    pushed = body(STILL, braked=[1, 2])
-    pushed.forces_n = [0.0, 0.0, 200.0]
-    for _ in range(2000):
-        pushed.step(STILL)
-        if pushed.fallen:
-            break
-    assert pushed.fallen
-    assert pushed.angles_rad[0] == pytest.approx(radians(60.0), abs=0.02)
 
 
 @pytest.mark.parametrize("number", [nan, float("inf"), 1e308])
