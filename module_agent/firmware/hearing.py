@@ -65,6 +65,22 @@ class LinkEnd(ABC):
     def take(self, tick: int, neighbour: Neighbour) -> list[LinkFrame]:
         """Hear: the frames that arrive in an own tick, the newest ones last but for late ones."""
 
+    @abstractmethod
+    def check_tick(self, tick: int) -> None:
+        """See whether a frame can have been said in this tick. Raises `ProtocolError`."""
+
+    def read(self, payload: bytes) -> LinkFrame | None:
+        """Read a frame and check it; one that cannot be used is counted by its reason."""
+        try:
+            frame, out_of_range = receive(LinkFrame, payload)
+            self.check_sender(frame)
+            self.check_tick(frame.tick)
+            self.check_numbers(frame, out_of_range)
+        except ProtocolError as error:
+            self.refused[error.reason] += 1
+            return None
+        return frame
+
     def check_sender(self, frame: LinkFrame) -> None:
         """See whether a frame can be from the board at the other end. Raises `ProtocolError`."""
         if frame.run_id != self.run_id:
@@ -102,13 +118,8 @@ class Hearing(LinkEnd):
 
     def put(self, payload: bytes) -> int:
         """Take what the network brought, as `LinkEnd.put`."""
-        try:
-            frame, out_of_range = receive(LinkFrame, payload)
-            self.check_sender(frame)
-            self._check_tick(frame.tick)
-            self.check_numbers(frame, out_of_range)
-        except ProtocolError as error:
-            self.refused[error.reason] += 1
+        frame = self.read(payload)
+        if frame is None:
             return NO_TICK
         if frame.tick == self._used_tick:
             return frame.tick  # Said again, as when a link comes back: harmless, nobody's fault.
@@ -173,7 +184,8 @@ class Hearing(LinkEnd):
             del self._waiting[key]
             self.refused[Reason.INCARNATION if key[0] == said_tick else Reason.TICK] += 1
 
-    def _check_tick(self, tick: int) -> None:
+    def check_tick(self, tick: int) -> None:
+        """See whether it can have been said by now, and not too long ago."""
         if tick < self._used_tick:
             raise ProtocolError(Reason.TICK, f"tick {tick} is past")
         if tick > self._used_tick + EARLY_TICKS_MAX and self._used_tick != NO_TICK:

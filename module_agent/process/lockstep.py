@@ -108,7 +108,9 @@ class BoardLockstepLoop:
                 continue
             for link, payload, arrived_ns in self.inbox.heard():
                 self.timing.arrived(link, board.hear(link, payload), arrived_ns)
-            member.look_for_storms(board, time.monotonic())
+            now_s = time.monotonic()
+            if now_s > member.storms.due_s:
+                member.look_for_storms(board, now_s)
             if self.pending is not None and board.missing(self.pending) is None:
                 self._tick(board, self.pending)
 

@@ -82,7 +82,7 @@ class Membership:
         self.waiting_since_s = time.monotonic()
         self._give_up_s = math.inf
         self._last_line = ""
-        self._storms = Storms()
+        self.storms = Storms()
         self._waiting_state = State.BOOT
 
     @property
@@ -189,8 +189,6 @@ class Membership:
 
     def look_for_storms(self, board: Board, now_s: float) -> None:
         """Name, seldom, what brings frames by the thousand that are of no use."""
-        if now_s <= self._storms.due_s:
-            return
         refused: Refused = {
             "observations": board.refused,
             **{
@@ -198,7 +196,7 @@ class Membership:
                 for joint, link in zip(self.config.neighbour_joints, board.hearings, strict=True)
             },
         }
-        for storm in self._storms.look(now_s, board.next_tick or 0, refused):
+        for storm in self.storms.look(now_s, board.next_tick or 0, refused):
             self.tell(str(storm))
 
     def tell(self, line: str) -> None:

@@ -218,7 +218,9 @@ class BoardOwnTimeLoop:
         line = cycle.turned(self.inbox.now_ns(), time.thread_time_ns() - started_ns)
         if line is not None:
             member.tell(line)
-        member.look_for_storms(cycle.board.board, time.monotonic())
+        now_s = time.monotonic()
+        if now_s > member.storms.due_s:
+            member.look_for_storms(cycle.board.board, now_s)
 
     def _report_stuck(self, where: str) -> None:
         self.member.report_stuck(where, None)

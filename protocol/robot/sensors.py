@@ -171,11 +171,6 @@ def sensors_of(sheet: SensorSheet, *, imu: bool, force_plate: bool) -> tuple[Sen
     return tuple(sensor for sensor in SENSORS if has(sensor))
 
 
-def fault_kind(name: str) -> FaultKind | None:
-    """The kind of fault with this name; None: there is none."""
-    return next((kind for kind in FAULTS if kind == name), None)
-
-
 AMOUNT_TICKS_MAX = 10_000
 
 

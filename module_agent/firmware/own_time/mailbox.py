@@ -24,7 +24,6 @@ from protocol.wire.frames import (
     Neighbour,
     ProtocolError,
     Reason,
-    receive,
 )
 from protocol.wire.trace import TakenFrames
 
@@ -66,13 +65,8 @@ class Mailbox(LinkEnd):
 
     def put(self, payload: bytes) -> int:
         """Take what the network brought, as `LinkEnd.put`; only the newest frames are kept."""
-        try:
-            frame, out_of_range = receive(LinkFrame, payload)
-            self.check_sender(frame)
-            self._check_tick(frame.tick)
-            self.check_numbers(frame, out_of_range)
-        except ProtocolError as error:
-            self.refused[error.reason] += 1
+        frame = self.read(payload)
+        if frame is None:
             return NO_TICK
         frames = self._arrived.setdefault(frame.incarnation, {})
         frames[frame.tick] = ArrivedFrame(frame, payload)
@@ -114,7 +108,8 @@ class Mailbox(LinkEnd):
         self.heard_mask = int(bool(heard))
         return heard
 
-    def _check_tick(self, tick: int) -> None:
+    def check_tick(self, tick: int) -> None:
+        """See whether it is one in which the sender says something."""
         if tick % self._sender_period_ticks:
             raise ProtocolError(Reason.TICK, f"tick {tick} begins no period")
 
